@@ -1,0 +1,174 @@
+//! The puppet as it is plugged together: a tree of parts.
+
+use std::fmt;
+
+/// A part's own 96-bit number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PartUid(pub [u8; 12]);
+
+impl fmt::Display for PartUid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// The axis one sensor of a joint measures, in the joint's own frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointAxis {
+    /// About +X, square to the part.
+    Bend,
+    /// About +Y, along the part.
+    Twist,
+}
+
+/// What a part is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PartKind {
+    /// One sensor, bending.
+    Bend,
+    /// One sensor, twisting.
+    Twist,
+    /// Three sensors; the rotation is twist · bend · twist, from the inlet outwards.
+    TwistBendTwist,
+    /// No sensor, 1 to 5 outlets.
+    Splitter {
+        /// How many outlets.
+        outlets: u8,
+    },
+}
+
+impl PartKind {
+    /// The axes of the part's sensors, from the inlet outwards.
+    pub fn axes(self) -> &'static [JointAxis] {
+        match self {
+            Self::Bend => &[JointAxis::Bend],
+            Self::Twist => &[JointAxis::Twist],
+            Self::TwistBendTwist => &[JointAxis::Twist, JointAxis::Bend, JointAxis::Twist],
+            Self::Splitter { .. } => &[],
+        }
+    }
+
+    /// How many parts can be plugged into this one.
+    pub fn outlets(self) -> u8 {
+        match self {
+            Self::Splitter { outlets } => outlets,
+            Self::Bend | Self::Twist | Self::TwistBendTwist => 1,
+        }
+    }
+}
+
+/// One part of a puppet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The part's own number; stays with it wherever it is plugged in.
+    pub uid: PartUid,
+    /// What it is.
+    pub kind: PartKind,
+    /// Index of the part it is plugged into, always smaller than its own; `None` for the root.
+    pub parent: Option<usize>,
+    /// Zero-based outlet of the parent it is plugged into; 0 for the root.
+    pub outlet: u8,
+    /// Resolution of its sensors: raw counts in one full turn.
+    pub counts_per_turn: u32,
+}
+
+/// Parts, parents before children; sensors are numbered part by part, from each inlet outwards.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct JointTree {
+    parts: Vec<Part>,
+    first_sensor: Vec<usize>,
+    sensor_count: usize,
+}
+
+/// Why a list of parts is not a puppet.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum JointTreeError {
+    /// A parent does not come before its child.
+    #[error("part {part} is plugged into part {parent}, which does not come before it")]
+    ParentAfterChild {
+        /// Zero-based part.
+        part: usize,
+        /// The parent index given.
+        parent: usize,
+    },
+    /// Two parts report one number.
+    #[error("two parts report the number {uid}; each part needs its own")]
+    DuplicateUid {
+        /// The shared number.
+        uid: PartUid,
+    },
+    /// An outlet that the parent has not, or that is taken.
+    #[error("part {part} claims outlet {outlet} of part {parent}, which is taken or does not exist")]
+    BadOutlet {
+        /// Zero-based part.
+        part: usize,
+        /// Its parent.
+        parent: usize,
+        /// The outlet claimed.
+        outlet: u8,
+    },
+    /// A resolution that is no resolution.
+    #[error("part {part} reports {counts_per_turn} counts per turn; 2 to 65536 are possible")]
+    BadResolution {
+        /// Zero-based part.
+        part: usize,
+        /// The value given.
+        counts_per_turn: u32,
+    },
+}
+
+impl JointTree {
+    /// Checks and takes a list of parts.
+    pub fn new(parts: Vec<Part>) -> Result<Self, JointTreeError> {
+        let mut first_sensor = Vec::with_capacity(parts.len());
+        let mut sensor_count = 0;
+        for (index, part) in parts.iter().enumerate() {
+            if let Some(parent) = part.parent {
+                if parent >= index {
+                    return Err(JointTreeError::ParentAfterChild { part: index, parent });
+                }
+                let taken = parts[..index].iter().any(|p| p.parent == Some(parent) && p.outlet == part.outlet);
+                if taken || part.outlet >= parts[parent].kind.outlets() {
+                    return Err(JointTreeError::BadOutlet { part: index, parent, outlet: part.outlet });
+                }
+            }
+            if parts[..index].iter().any(|p| p.uid == part.uid) {
+                return Err(JointTreeError::DuplicateUid { uid: part.uid });
+            }
+            if !part.kind.axes().is_empty() && !(2..=65536).contains(&part.counts_per_turn) {
+                return Err(JointTreeError::BadResolution { part: index, counts_per_turn: part.counts_per_turn });
+            }
+            first_sensor.push(sensor_count);
+            sensor_count += part.kind.axes().len();
+        }
+        Ok(Self { parts, first_sensor, sensor_count })
+    }
+
+    /// All parts, parents before children.
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// Number of sensors of all parts together: the length of a sample.
+    pub fn sensor_count(&self) -> usize {
+        self.sensor_count
+    }
+
+    /// The sensors of a part, as a range into a sample.
+    pub fn sensors(&self, part: usize) -> std::ops::Range<usize> {
+        let first = self.first_sensor[part];
+        first..first + self.parts[part].kind.axes().len()
+    }
+
+    /// Index of the part with this number.
+    pub fn find(&self, uid: PartUid) -> Option<usize> {
+        self.parts.iter().position(|p| p.uid == uid)
+    }
+
+    /// Indices of the parts plugged into this one, by outlet.
+    pub fn children(&self, part: usize) -> Vec<usize> {
+        let mut children: Vec<usize> = (0..self.parts.len()).filter(|&i| self.parts[i].parent == Some(part)).collect();
+        children.sort_by_key(|&i| self.parts[i].outlet);
+        children
+    }
+}
