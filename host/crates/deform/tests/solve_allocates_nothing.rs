@@ -1,0 +1,63 @@
+//! Pose time touches no allocator: counted, not believed.
+
+#![expect(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use armature_deform::LinearBlendSkin;
+use armature_geometry::Influences;
+use glam::{Affine3A, Vec3};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is handed to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations_of_a_hundred_solves(vertex_count: usize) -> usize {
+    let positions: Vec<[f32; 3]> = (0..vertex_count).map(|i| [i as f32 * 1e-3, 1.0, 0.5]).collect();
+    let normals = vec![[0.0, 0.0, 1.0]; vertex_count];
+    let bones = (0..4 * vertex_count).map(|i| (i % 20) as u16).collect();
+    let influences = Influences::new(4, bones, vec![0.25; 4 * vertex_count], 20).unwrap();
+    let rest = vec![Affine3A::IDENTITY; 20];
+    let mut skin = LinearBlendSkin::precompute(&positions, &normals, &influences, &rest).unwrap();
+    let mut pose = rest;
+    let mut out = (positions, normals);
+    // The first call may start the thread pool.
+    skin.solve(&pose, &mut out.0, &mut out.1).unwrap();
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    for step in 0..100 {
+        for (bone, frame) in pose.iter_mut().enumerate() {
+            *frame = Affine3A::from_axis_angle(Vec3::Y, (step * bone) as f32 * 1e-3);
+        }
+        skin.solve(&pose, &mut out.0, &mut out.1).unwrap();
+    }
+    ALLOCATIONS.load(Ordering::Relaxed) - before
+}
+
+#[test]
+fn solve_allocates_nothing() {
+    assert_eq!(allocations_of_a_hundred_solves(10_000), 0);
+    // With threads, only rayon's own queue of jobs may grow by a block now and then, not once a frame.
+    let threaded = allocations_of_a_hundred_solves(60_000);
+    assert!(threaded <= 10, "{threaded} allocations in a hundred solves");
+}
