@@ -5,14 +5,24 @@
 //! This crate does no I/O, knows no wire type and takes its trigonometry from `libm`, so that equal input
 //! gives equal poses everywhere.
 
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests ask for exactly the documented value"))]
+
+mod calibration;
+mod joint_rotation;
 mod joint_tree;
+mod mapping;
 mod motion;
 mod pose;
+mod pose_solver;
 mod sample;
 mod skeleton;
 
+pub use calibration::{Calibration, CalibrationError, SensorCalibration, SkippedSensor, ZeroReport};
+pub use joint_rotation::{joint_angles, joint_angles_near, joint_rotation, wrapped};
 pub use joint_tree::{JointAxis, JointTree, JointTreeError, Part, PartKind, PartUid};
+pub use mapping::{Mapping, MappingEntry, MappingError};
 pub use motion::{Motion, MotionError};
 pub use pose::{Pose, Transform};
+pub use pose_solver::{BoneQuality, BoneStatus, PoseSolver, SampleError};
 pub use sample::{RawSample, SensorState};
 pub use skeleton::{Bone, Skeleton, SkeletonError};
