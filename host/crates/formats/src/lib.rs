@@ -1,1 +1,29 @@
+//! Bytes to meshes, skeletons and motion, and back.
 //!
+//! Everything here is pure: bytes come in, files that a file names come through a [`Resolver`], and errors say which
+//! file, which line or byte, what is wrong and what to do ([`FormatError`]). Nothing panics on any input, and no
+//! count in a header is believed before the bytes behind it are there.
+
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "numbers from a file come through unchanged"))]
+
+mod bvh;
+mod error;
+mod graph_skeleton;
+mod model;
+mod names;
+mod obj;
+mod off;
+mod polygon;
+mod read_model;
+mod seams;
+mod tails;
+mod text;
+mod texture;
+mod tgf;
+
+pub use bvh::{read_bvh, write_bvh};
+pub use error::{FormatError, Place};
+pub use graph_skeleton::{GraphError, GraphSkeleton, skeleton_from_graph};
+pub use model::{Model, ModelRig, Split, Texture};
+pub use read_model::{Resolver, read_model};
+pub use tgf::{TgfGraph, read_tgf};

@@ -1,0 +1,85 @@
+//! Real meshes and skeletons come in whole.
+
+#![expect(clippy::float_cmp, reason = "positions are copied, not computed")]
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use armature_formats::{Model, read_model, read_tgf, skeleton_from_graph};
+
+fn none(name: &str) -> Result<Vec<u8>, String> {
+    Err(format!("{name} is not there"))
+}
+
+fn shared_model(name: &str) -> Option<Model> {
+    let bytes = common::shared(name)?;
+    Some(read_model(name, &bytes, &none).unwrap_or_else(|error| panic!("{error}")))
+}
+
+/// Edges by how many triangles touch them, in their two directions.
+fn is_closed(model: &Model) -> bool {
+    let mut balance: BTreeMap<(u32, u32), i32> = BTreeMap::new();
+    for t in &model.mesh.triangles {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            *balance.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    balance.values().all(|&b| b == 0)
+}
+
+#[test]
+fn shared_meshes_have_their_known_sizes() {
+    for (name, vertices, triangles, closed) in [
+        ("armadillo.obj", 43_243, 86_482, true),
+        ("elephant.obj", 6_034, 12_064, true),
+        ("arm.obj", 8_311, 16_618, true),
+        ("cow.off", 2_762, 5_520, true),
+        ("spot.obj", 2_930, 5_856, true),
+        ("truck.obj", 2_956, 4_770, false),
+        ("woody.obj", 694, 1_267, false),
+    ] {
+        let Some(model) = shared_model(name) else { return };
+        assert_eq!((model.mesh.vertices.len(), model.mesh.triangles.len()), (vertices, triangles), "{name}");
+        assert_eq!(is_closed(&model), closed, "{name}");
+        assert_eq!(model.name, name.split('.').next().unwrap());
+    }
+}
+
+#[test]
+fn spot_stays_welded_and_keeps_its_texture_coordinates() {
+    let Some(model) = shared_model("spot.obj") else { return };
+    let flat = model.split_at_seams();
+    assert_eq!(model.drawn_vertex_count(), 3_225);
+    assert_eq!(flat.mesh.vertices.len(), 3_225);
+    assert_eq!(flat.texture_coordinates.as_ref().unwrap().len(), 3_225);
+    for (drawn, welded) in flat.mesh.triangles.iter().zip(&model.mesh.triangles) {
+        for (d, w) in drawn.iter().zip(welded) {
+            assert_eq!(flat.mesh.vertices[*d as usize], model.mesh.vertices[*w as usize]);
+        }
+    }
+}
+
+#[test]
+fn shared_graphs_become_skeletons() {
+    for (name, points, bones, hub) in [
+        ("armadillo.tgf", 24, 23, true),
+        ("hand.tgf", 21, 20, false),
+        ("elephant.tgf", 25, 24, true),
+        ("arm.tgf", 5, 4, false),
+    ] {
+        let Some(bytes) = common::shared(name) else { return };
+        let graph = read_tgf(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!((graph.points.len(), graph.edges.len()), (points, bones), "{name}");
+        let made = skeleton_from_graph(&graph, None).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(made.skeleton.len(), bones + usize::from(hub), "{name}");
+        let segments = made.skeleton.rest_segments();
+        for (edge, &bone) in made.bone_of_edge.iter().enumerate() {
+            let ends = graph.edges[edge].map(|p| glam::DVec3::from(graph.points[p]).as_vec3());
+            let (head, tail) = segments[bone];
+            let off =
+                (head.distance(ends[0]) + tail.distance(ends[1])).min(head.distance(ends[1]) + tail.distance(ends[0]));
+            assert!(off < 1e-4, "{name}, edge {edge}: {off}");
+        }
+    }
+}
