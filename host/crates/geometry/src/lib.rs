@@ -3,8 +3,26 @@
 //! A mesh is vertex positions plus an index list (thesis 9.3); there is no half-edge structure.
 //! This crate does no I/O, reads no clock and prints nothing.
 
+mod cotangent_laplacian;
+mod hierarchy;
 mod influences;
+mod lumped_mass;
 mod mesh;
+mod normals;
+mod sparse_matrix;
+mod topology;
+mod weld;
 
+pub use cotangent_laplacian::{
+    Laplacian, cotangent_laplacian, cotangent_laplacian_of_triangles, cotangent_laplacian_tetrahedra,
+};
+pub use hierarchy::{ClosestPoint, SegmentHit, TriangleHierarchy, closest_on_segment};
 pub use influences::{Influences, InfluencesError};
+pub use lumped_mass::{Lumping, lumped_mass, lumped_mass_of_triangles, lumped_mass_tetrahedra};
 pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
+pub use normals::{NormalWeighting, triangle_areas, vertex_normals};
+pub use sparse_matrix::{EntryOutOfRange, SparseMatrix};
+pub use topology::{
+    Components, Edge, Fans, boundary_edges, connected_components, edges, non_manifold_edges, vertex_triangles,
+};
+pub use weld::{Weld, weld_vertices};

@@ -1,1 +1,19 @@
+//! Skinning weights: how much every vertex of a mesh follows every bone of a skeleton.
 //!
+//! This crate does no I/O, reads no clock and prints nothing. Long computations report progress and can be
+//! cancelled. Equal input gives equal weights whatever the number of threads.
+
+mod bone_heat;
+mod cholesky;
+mod heat_sources;
+mod heat_surface;
+mod progress;
+mod sparsify;
+mod weight_matrix;
+
+pub use bone_heat::{BoneHeat, BoneHeatError, BoneHeatReport, BoneHeatSettings, bone_heat};
+pub use cholesky::{CholeskyError, SparseCholesky};
+pub use heat_sources::{BoneSegment, Visibility};
+pub use progress::{Phase, Progress};
+pub use sparsify::{Sparsification, SparsifyError, sparsify};
+pub use weight_matrix::WeightMatrix;

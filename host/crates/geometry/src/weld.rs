@@ -1,0 +1,98 @@
+//! Joining vertices that lie at one place.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+/// Which vertices became one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Weld {
+    /// For every vertex given, the welded vertex it became.
+    pub welded_of: Vec<u32>,
+    /// For every welded vertex, the first vertex given that became it; ascending.
+    pub representative: Vec<u32>,
+}
+
+/// Joins vertices no further apart than `distance` (mesh unit). Vertices are taken in order; each joins the first
+/// earlier representative near enough, so the result does not depend on anything but the order given.
+/// With a distance of zero only equal positions are joined. Vertices that are not finite join nothing.
+pub fn weld_vertices(vertices: &[[f64; 3]], distance: f64) -> Weld {
+    let mut weld = Weld { welded_of: Vec::with_capacity(vertices.len()), representative: Vec::new() };
+    if distance > 0.0 {
+        weld_within(vertices, distance, &mut weld);
+    } else {
+        weld_equal(vertices, &mut weld);
+    }
+    weld
+}
+
+fn weld_equal(vertices: &[[f64; 3]], weld: &mut Weld) {
+    let mut seen: HashMap<[u64; 3], u32> = HashMap::with_capacity(vertices.len());
+    for (index, vertex) in vertices.iter().enumerate() {
+        // Adding zero turns -0 into 0, which is the same place.
+        let key = vertex.map(|c| (c + 0.0).to_bits());
+        let welded = if vertex.iter().all(|c| c.is_finite()) {
+            *seen.entry(key).or_insert_with(|| weld.representative.len() as u32)
+        } else {
+            weld.representative.len() as u32
+        };
+        weld.join(index, welded);
+    }
+}
+
+fn weld_within(vertices: &[[f64; 3]], distance: f64, weld: &mut Weld) {
+    // Cells twice the distance wide: whatever is near enough lies in the cell or one of its neighbours.
+    let cell_of = |v: &[f64; 3]| v.map(|c| (c / (2.0 * distance)).floor() as i64);
+    let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::with_capacity(vertices.len());
+    for (index, vertex) in vertices.iter().enumerate() {
+        let cell = cell_of(vertex);
+        let found = neighbourhood(cell)
+            .filter_map(|near| cells.get(&near))
+            .flatten()
+            .copied()
+            .filter(|&welded| {
+                let other = vertices[weld.representative[welded as usize] as usize];
+                DVec3::from(other).distance(DVec3::from(*vertex)) <= distance
+            })
+            .min();
+        let welded = found.unwrap_or(weld.representative.len() as u32);
+        if found.is_none() {
+            cells.entry(cell).or_default().push(welded);
+        }
+        weld.join(index, welded);
+    }
+}
+
+fn neighbourhood([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
+    (0..27).map(move |k| [x.saturating_add(k % 3 - 1), y.saturating_add(k / 3 % 3 - 1), z.saturating_add(k / 9 - 1)])
+}
+
+impl Weld {
+    fn join(&mut self, index: usize, welded: u32) {
+        if welded as usize == self.representative.len() {
+            self.representative.push(index as u32);
+        }
+        self.welded_of.push(welded);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_places_join_with_and_without_distance() {
+        let vertices = [[0.0; 3], [1.0, 0.0, 0.0], [-0.0, 0.0, 0.0], [1.0, 1e-6, 0.0], [f64::NAN; 3], [f64::NAN; 3]];
+        let exact = weld_vertices(&vertices, 0.0);
+        assert_eq!(exact.welded_of, [0, 1, 0, 2, 3, 4]);
+        assert_eq!(exact.representative, [0, 1, 3, 4, 5]);
+        assert_eq!(weld_vertices(&vertices, 1e-5).welded_of, [0, 1, 0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn joins_across_cell_borders() {
+        let d = 0.1;
+        let vertices = [[0.2 - 1e-9, 0.0, 0.0], [0.2 + 1e-9, 0.0, 0.0], [-1e-9, 0.2, 0.0], [1e-9, 0.2, 0.0]];
+        assert_eq!(weld_vertices(&vertices, d).welded_of, [0, 0, 1, 1]);
+    }
+}

@@ -1,0 +1,46 @@
+//! Computes bone heat weights for a mesh and a skeleton and prints what it found and how long each phase took:
+//! `cargo run --release -p armature-weights --example bone_heat -- mesh.obj skeleton.tgf [weights.f64]`.
+//! The optional third file receives the weights as little-endian f64, column-major.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use armature_weights::{BoneHeatSettings, bone_heat};
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [mesh, skeleton, rest @ ..] = arguments.as_slice() else {
+        eprintln!("usage: bone_heat mesh.obj skeleton.tgf [weights.f64]");
+        std::process::exit(2);
+    };
+    let mesh = support::read_obj(Path::new(mesh));
+    let bones = support::read_tgf(Path::new(skeleton));
+    println!("{} vertices, {} triangles, {} bones", mesh.vertices.len(), mesh.triangles.len(), bones.len());
+    let start = Instant::now();
+    let mut last: Option<(_, Instant)> = None;
+    let mut progress = |at: armature_weights::Progress| {
+        if let Some((phase, since)) = last.replace((at.phase, Instant::now())) {
+            println!("{phase:?}: {:.1} ms", since.elapsed().as_secs_f64() * 1e3);
+        }
+        ControlFlow::Continue(())
+    };
+    match bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut progress) {
+        Ok(heat) => {
+            println!("all: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
+            println!("residual {:.1e}, deviation {:.1e}", heat.residual, heat.deviation);
+            println!("{:?}", heat.report);
+            if let Some(out) = rest.first() {
+                let bytes: Vec<u8> = heat.weights.values().iter().flat_map(|v| v.to_le_bytes()).collect();
+                std::fs::write(out, bytes).expect("the output file can be written");
+            }
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            std::process::exit(5);
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Just enough reading of OBJ and TGF for tests of this crate, which knows no file formats.
+#![allow(dead_code, reason = "each test file uses its own part of this module")]
+#![allow(clippy::unwrap_used, reason = "a test whose data cannot be read has to fail")]
+
+use std::path::{Path, PathBuf};
+
+use armature_geometry::TriangleMesh;
+use armature_weights::BoneSegment;
+
+/// Path of a file in the shared data folder beside the repository; `None`, said aloud, where it is absent.
+pub(crate) fn shared_data(name: &str) -> Option<PathBuf> {
+    let found = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .ancestors()
+        .map(|folder| folder.join("shared/data").join(name))
+        .find(|path| path.exists());
+    if found.is_none() {
+        println!("SKIPPED: shared/data/{name} is not there");
+        assert!(
+            std::env::var_os("ARMATURE_REQUIRE_SHARED_DATA").is_none(),
+            "shared/data/{name} is required but not there"
+        );
+    }
+    found
+}
+
+/// Vertices and triangulated faces of an OBJ file.
+pub(crate) fn read_obj(path: &Path) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    for line in std::fs::read_to_string(path).unwrap().lines() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => {
+                let mut next = || words.next().unwrap().parse().unwrap();
+                mesh.vertices.push([next(), next(), next()]);
+            }
+            Some("f") => {
+                let corners: Vec<u32> =
+                    words.map(|w| w.split('/').next().unwrap().parse::<u32>().unwrap() - 1).collect();
+                mesh.triangles.extend((2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]]));
+            }
+            _ => {}
+        }
+    }
+    mesh
+}
+
+/// Bones of a TGF file: one for every edge.
+pub(crate) fn read_tgf(path: &Path) -> Vec<BoneSegment> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let (nodes, links) = text.split_once("\n#").unwrap();
+    let mut joints: Vec<[f64; 3]> = Vec::new();
+    for line in nodes.lines().filter(|l| !l.trim().is_empty()) {
+        let numbers: Vec<f64> = line.split_whitespace().map(|w| w.parse().unwrap()).collect();
+        joints.push([numbers[1], numbers[2], numbers[3]]);
+    }
+    let ends = |line: &str| {
+        let mut numbers = line.split_whitespace().map_while(|w| w.parse::<usize>().ok());
+        Some((numbers.next()?, numbers.next()?))
+    };
+    let links = links.split('#').next().unwrap();
+    links.lines().filter_map(ends).map(|(a, b)| BoneSegment { head: joints[a - 1], tail: joints[b - 1] }).collect()
+}
+
+/// A shared mesh with its skeleton.
+pub(crate) fn shared_character(name: &str) -> Option<(TriangleMesh, Vec<BoneSegment>)> {
+    let mesh = shared_data(&format!("{name}.obj"))?;
+    let skeleton = shared_data(&format!("{name}.tgf"))?;
+    Some((read_obj(&mesh), read_tgf(&skeleton)))
+}
