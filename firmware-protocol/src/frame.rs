@@ -51,7 +51,7 @@ impl core::fmt::Display for EncodeError {
 impl core::error::Error for EncodeError {}
 
 /// Writes a message as one frame, delimiter included, and says how many bytes that took.
-pub fn encode_into(message: &impl Encode, buffer: &mut [u8]) -> Result<usize, EncodeError> {
+pub fn encode_into(message: &(impl Encode + ?Sized), buffer: &mut [u8]) -> Result<usize, EncodeError> {
     let mut writer = FrameWriter::new(buffer, message.message_type());
     message.write_payload(&mut writer)?;
     writer.finish()
@@ -76,7 +76,7 @@ impl FrameBuffer {
     }
 
     /// Writes a message and returns its frame, ready to send.
-    pub fn encode(&mut self, message: &impl Encode) -> Result<&[u8], EncodeError> {
+    pub fn encode(&mut self, message: &(impl Encode + ?Sized)) -> Result<&[u8], EncodeError> {
         let length = encode_into(message, &mut self.bytes)?;
         Ok(&self.bytes[..length])
     }

@@ -82,8 +82,7 @@ impl<'a> Sample<'a> {
 
     /// Raw count of a sensor; `None` where there is no such sensor.
     pub fn count(&self, sensor: usize) -> Option<u16> {
-        let bytes = self.counts.get(2 * sensor..2 * sensor + 2)?;
-        Some(u16::from_le_bytes([bytes[0], bytes[1]]))
+        self.counts().nth(sensor)
     }
 
     /// State of a sensor; `None` where there is no such sensor.
