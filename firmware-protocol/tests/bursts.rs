@@ -30,8 +30,8 @@ fn frames(stream: &[u8]) -> Vec<(u8, Vec<u8>)> {
 
 /// Three frames, short ones and a sample, with the bytes at which each begins.
 fn stream_of(middle: &[u8], random: &mut Random) -> (Vec<u8>, [usize; 4]) {
-    let first = FrameBuffer::new().encode(&HostMessage::Ping { token: random.next() }).unwrap().to_vec();
-    let last = FrameBuffer::new().encode(&Acknowledge { request: 4 }).unwrap().to_vec();
+    let first = FrameBuffer::new().encode(&HostMessage::Ping { token: random.next() }).expect("fits").to_vec();
+    let last = FrameBuffer::new().encode(&Acknowledge { request: 4 }).expect("fits").to_vec();
     let starts = [1, 1 + first.len(), 1 + first.len() + middle.len(), 1 + first.len() + middle.len() + last.len()];
     ([&[0], first.as_slice(), middle, &last].concat(), starts)
 }
@@ -70,7 +70,7 @@ fn every_burst_of_up_to_16_bits_is_caught_at_every_position() {
     assert_eq!(whole.len(), 3);
     let begin = 8 * (starts[1] - 2);
     for position in begin..begin + 8 * (middle.len() + 3) {
-        (1..1u32 << 14).for_each(|inner| check(&stream, starts, &whole, position, inner << 1 | 1));
+        (0..1u32 << 15).for_each(|inner| check(&stream, starts, &whole, position, inner << 1 | 1));
     }
 }
 
@@ -86,7 +86,7 @@ fn bursts_of_up_to_32_bits_are_caught_at_every_position_of_a_sample() {
                 _ => 1 | 1 << (length - 1) | (random.next() as u32 & ((1u64 << length) - 1) as u32),
             };
             (0..3).for_each(|shake| {
-                check(&stream, starts, &whole, position, pattern ^ inner(&mut random, length, shake))
+                check(&stream, starts, &whole, position, pattern ^ inner(&mut random, length, shake));
             });
         }
     }
@@ -133,12 +133,13 @@ fn bytes_lost_from_or_put_into_one_frame_are_caught() {
             assert_eq!(frames(&shorter), expected, "{length} bytes lost at byte {at}");
         }
         for length in 1..40 {
-            let doubled =
-                [&stream[..at + 1], &stream[at..(at + length).min(starts[2] - 1)], &stream[at + 1..]].concat();
+            let doubled = [&stream[..=at], &stream[at..(at + length).min(starts[2] - 1)], &stream[at + 1..]].concat();
             assert_eq!(frames(&doubled), expected, "bytes doubled at byte {at}");
             let mut noise = vec![0; length];
             random.fill(&mut noise);
-            noise.iter_mut().for_each(|byte| *byte |= 1);
+            for byte in &mut noise {
+                *byte |= 1;
+            }
             let longer = [&stream[..at], &noise, &stream[at..]].concat();
             assert_eq!(frames(&longer), expected, "{length} bytes put in at byte {at}");
         }
