@@ -7,8 +7,10 @@
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "numbers from a file come through unchanged"))]
 
 mod bvh;
+mod calibration_file;
 mod error;
 mod graph_skeleton;
+mod mapping_file;
 mod model;
 mod names;
 mod obj;
@@ -22,8 +24,10 @@ mod texture;
 mod tgf;
 
 pub use bvh::{read_bvh, write_bvh};
+pub use calibration_file::{read_calibration, write_calibration};
 pub use error::{FormatError, Place};
 pub use graph_skeleton::{GraphError, GraphSkeleton, skeleton_from_graph};
+pub use mapping_file::{read_mapping, write_mapping};
 pub use model::{Model, ModelRig, Split, Texture};
 pub use read_model::{Resolver, read_model};
 pub use tgf::{TgfGraph, read_tgf};

@@ -1,6 +1,6 @@
 //! The puppet as it is plugged together: a tree of parts.
 
-use std::fmt;
+use std::{fmt, str::FromStr};
 
 /// A part's own 96-bit number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -9,6 +9,31 @@ pub struct PartUid(pub [u8; 12]);
 impl fmt::Display for PartUid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// Why a text is not a part's number.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{text:?} is not a part's number; it is written as 24 hexadecimal digits")]
+pub struct PartUidError {
+    /// The text given.
+    pub text: String,
+}
+
+impl FromStr for PartUid {
+    type Err = PartUidError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let error = || PartUidError { text: text.to_owned() };
+        let digits: Vec<u32> = text.chars().map_while(|c| c.to_digit(16)).collect();
+        if digits.len() != 24 || text.chars().count() != 24 {
+            return Err(error());
+        }
+        let mut uid = Self::default();
+        for (byte, pair) in uid.0.iter_mut().zip(digits.chunks_exact(2)) {
+            *byte = (pair[0] * 16 + pair[1]) as u8;
+        }
+        Ok(uid)
     }
 }
 
@@ -170,5 +195,47 @@ impl JointTree {
         let mut children: Vec<usize> = (0..self.parts.len()).filter(|&i| self.parts[i].parent == Some(part)).collect();
         children.sort_by_key(|&i| self.parts[i].outlet);
         children
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_read_as_it_is_written() {
+        let uid = PartUid([0, 1, 0x7f, 0x80, 0xff, 5, 6, 7, 8, 9, 0xa0, 0x0b]);
+        assert_eq!(uid.to_string().parse(), Ok(uid));
+        for wrong in ["", "00", "0001020304050607080910zz", "00010203040506070809101112", "é0010203040506070809101112"]
+        {
+            assert!(wrong.parse::<PartUid>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_tree_is_named() {
+        let part = |number: u8, kind, parent, outlet| Part {
+            uid: PartUid([number; 12]),
+            kind,
+            parent,
+            outlet,
+            counts_per_turn: 16384,
+        };
+        let split = PartKind::Splitter { outlets: 2 };
+        let ok =
+            vec![part(1, split, None, 0), part(2, PartKind::Bend, Some(0), 1), part(3, PartKind::Twist, Some(0), 0)];
+        let tree = JointTree::new(ok.clone()).unwrap();
+        assert_eq!(tree.children(0), [2, 1], "children come by outlet");
+        assert_eq!(tree.sensors(2), 1..2);
+        let with = |change: fn(&mut Part)| {
+            let mut parts = ok.clone();
+            change(&mut parts[2]);
+            JointTree::new(parts)
+        };
+        assert!(matches!(with(|p| p.outlet = 1), Err(JointTreeError::BadOutlet { part: 2, .. })));
+        assert!(matches!(with(|p| p.outlet = 2), Err(JointTreeError::BadOutlet { part: 2, .. })));
+        assert!(matches!(with(|p| p.parent = Some(2)), Err(JointTreeError::ParentAfterChild { .. })));
+        assert!(matches!(with(|p| p.uid = PartUid([1; 12])), Err(JointTreeError::DuplicateUid { .. })));
+        assert!(matches!(with(|p| p.counts_per_turn = 1), Err(JointTreeError::BadResolution { .. })));
     }
 }

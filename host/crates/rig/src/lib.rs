@@ -19,7 +19,7 @@ mod skeleton;
 
 pub use calibration::{Calibration, CalibrationError, SensorCalibration, SkippedSensor, ZeroReport};
 pub use joint_rotation::{joint_angles, joint_angles_near, joint_rotation, wrapped};
-pub use joint_tree::{JointAxis, JointTree, JointTreeError, Part, PartKind, PartUid};
+pub use joint_tree::{JointAxis, JointTree, JointTreeError, Part, PartKind, PartUid, PartUidError};
 pub use mapping::{Mapping, MappingEntry, MappingError};
 pub use motion::{Motion, MotionError};
 pub use pose::{Pose, Transform};
