@@ -6,6 +6,7 @@
 mod cotangent_laplacian;
 mod hierarchy;
 mod influences;
+mod intrinsic_delaunay;
 mod lumped_mass;
 mod mesh;
 mod normals;
@@ -18,6 +19,7 @@ pub use cotangent_laplacian::{
 };
 pub use hierarchy::{ClosestPoint, SegmentHit, TriangleHierarchy, closest_on_segment};
 pub use influences::{Influences, InfluencesError};
+pub use intrinsic_delaunay::{IntrinsicLaplacian, intrinsic_delaunay_laplacian};
 pub use lumped_mass::{Lumping, lumped_mass, lumped_mass_of_triangles, lumped_mass_tetrahedra};
 pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
 pub use normals::{NormalWeighting, triangle_areas, vertex_normals};

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use crate::cotangent_laplacian::{corner_cotangents, difference, dot, doubled_area};
+use crate::cotangent_laplacian::{DEGENERATE, difference, dot, doubled_area};
+use crate::intrinsic_delaunay::area_of_lengths;
 use crate::{MeshError, TetrahedralMesh, TriangleMesh};
 
 /// How an element's area or volume is shared among its corners.
@@ -57,25 +58,30 @@ pub fn lumped_mass_tetrahedra(mesh: &TetrahedralMesh, lumping: Lumping) -> Resul
     Ok(mass)
 }
 
-fn triangle_shares<const D: usize>(p: [[f64; D]; 3], lumping: Lumping) -> [f64; 3] {
-    let [a, b, c] = p;
-    let area = 0.5 * doubled_area(difference(b, a), difference(c, a));
-    match lumping {
-        Lumping::Barycentric => [area / 3.0; 3],
-        Lumping::VoronoiHybrid => {
-            let (cotangents, degenerate) = corner_cotangents(p);
-            if degenerate {
-                return [area / 3.0; 3];
-            }
-            if cotangents.iter().any(|&cotangent| cotangent < 0.0) {
-                return cotangents.map(|cotangent| if cotangent < 0.0 { area / 2.0 } else { area / 4.0 });
-            }
-            let squared = |u: [f64; D], v: [f64; D]| dot(difference(u, v), difference(u, v));
-            let [at_a, at_b, at_c] = cotangents;
-            let (ab, bc, ca) = (squared(a, b) * at_c, squared(b, c) * at_a, squared(c, a) * at_b);
-            [(ab + ca) / 8.0, (ab + bc) / 8.0, (bc + ca) / 8.0]
-        }
+fn triangle_shares<const D: usize>([a, b, c]: [[f64; D]; 3], lumping: Lumping) -> [f64; 3] {
+    let (ab, bc, ca) = (difference(b, a), difference(c, b), difference(a, c));
+    let (area_2, squares) = (doubled_area(ab, ca), [dot(ab, ab), dot(bc, bc), dot(ca, ca)]);
+    shares(area_2, squares, lumping)
+}
+
+/// Shares of the corners a, b, c of a triangle with sides ab, bc, ca this long.
+pub(crate) fn shares_of_intrinsic_triangle(lengths: [f64; 3], lumping: Lumping) -> [f64; 3] {
+    shares(2.0 * area_of_lengths(lengths), lengths.map(|length| length * length), lumping)
+}
+
+fn shares(area_2: f64, squares: [f64; 3], lumping: Lumping) -> [f64; 3] {
+    let area = 0.5 * area_2;
+    let [ab, bc, ca] = squares;
+    let flat = area_2 < DEGENERATE * ab.max(bc).max(ca);
+    if lumping == Lumping::Barycentric || flat {
+        return [area / 3.0; 3];
     }
+    let doubled_dots = [ab + ca - bc, ab + bc - ca, bc + ca - ab];
+    if doubled_dots.iter().any(|&at| at < 0.0) {
+        return doubled_dots.map(|at| if at < 0.0 { area / 2.0 } else { area / 4.0 });
+    }
+    let [at_a, at_b, at_c] = doubled_dots.map(|at| at / (2.0 * area_2));
+    [(ab * at_c + ca * at_b) / 8.0, (ab * at_c + bc * at_a) / 8.0, (bc * at_a + ca * at_b) / 8.0]
 }
 
 fn tetrahedron_shares(p: [DVec3; 4], lumping: Lumping) -> [f64; 4] {

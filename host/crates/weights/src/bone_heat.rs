@@ -4,13 +4,14 @@
 //! through the inside of the shape, and heat spreads along the surface until it rests:
 //! `(-Δ + H) w_i = H p_i`, or with the mass matrix in front, which makes it symmetric,
 //! `(-L + M H) w_i = M H p_i`.
-//! `-L` has no positive entry beside its diagonal, so weights lie between 0 and 1 (a discrete maximum principle),
-//! and as the shares `p_i` of all bones sum to one, so do the weights.
+//! `L` is that of the intrinsic Delaunay triangulation: `-L` has no positive entry beside its diagonal, so weights lie
+//! between 0 and 1 (a discrete maximum principle) on every mesh, which clamping the negative cotangents of obtuse
+//! triangles would also give, but at the price of a different operator. As the shares `p_i` of all bones sum to one, so do the weights.
 
 use std::ops::ControlFlow;
 
 use armature_geometry::{
-    Lumping, MeshError, SparseMatrix, TriangleMesh, cotangent_laplacian_of_triangles, lumped_mass_of_triangles,
+    IntrinsicLaplacian, Lumping, MeshError, SparseMatrix, TriangleMesh, intrinsic_delaunay_laplacian,
 };
 use glam::DVec3;
 
@@ -69,11 +70,13 @@ pub struct BoneHeatReport {
     pub isolated_vertices: usize,
     /// Triangles that were left out because two of their corners are one vertex.
     pub collapsed_triangles: usize,
-    /// Triangles without an area, between three different vertices.
+    /// Triangles with hardly an area, between three different vertices; they conduct as very thin ones.
     pub degenerate_triangles: usize,
     /// Triangles that were left out because another has the same corners.
     pub duplicate_triangles: usize,
-    /// Edges between two vertices across which heat would have flowed backwards.
+    /// Edges flipped within the surface, so that heat flows from warm to cold across each.
+    pub flipped_edges: usize,
+    /// Edges across which heat would still have flowed backwards, and which were closed.
     pub clamped_edges: usize,
 }
 
@@ -154,7 +157,7 @@ pub fn bone_heat(
     report_at(Phase::Visibility, 0.2)?;
     let nearest = nearest_bones(&surface, &local_bones, settings.tie_ratio, settings.visibility)?;
     report_at(Phase::Factorise, 0.4)?;
-    let system = HeatSystem::new(&surface, &nearest, bones.len(), settings.heat);
+    let system = HeatSystem::new(&surface, &nearest, bones.len(), settings.heat)?;
     let factor = SparseCholesky::new(&system.matrix)?;
     let mut solutions = system.right_hand_sides.clone();
     let columns = system.hot_bones.len().max(1) as f64;
@@ -222,18 +225,19 @@ struct HeatSystem {
 }
 
 impl HeatSystem {
-    fn new(surface: &HeatSurface, nearest: &[Nearest], bone_count: usize, heat: f64) -> Self {
+    fn new(surface: &HeatSurface, nearest: &[Nearest], bone_count: usize, heat: f64) -> Result<Self, MeshError> {
         let n = surface.mesh.vertices.len();
-        let laplacian = cotangent_laplacian_of_triangles(&surface.mesh.vertices, &surface.mesh.triangles);
-        let mass = lumped_mass_of_triangles(&surface.mesh.vertices, &surface.mesh.triangles, Lumping::VoronoiHybrid);
-        let (mut matrix, clamped_edges) = stiffness_without_negative_conductance(laplacian.matrix);
+        let IntrinsicLaplacian { mut matrix, mass, degenerate_triangles, clamped_edges, flips, .. } =
+            operators(surface)?;
+        matrix.values_mut().iter_mut().for_each(|value| *value = -*value);
         let mut report = BoneHeatReport {
             welded_vertices: n,
             components: surface.components.count,
             collapsed_triangles: surface.collapsed_triangles,
             duplicate_triangles: surface.duplicate_triangles,
-            degenerate_triangles: laplacian.degenerate_elements,
+            degenerate_triangles,
             clamped_edges,
+            flipped_edges: flips,
             ..BoneHeatReport::default()
         };
         let blind = blind_components(surface, nearest, &mut report);
@@ -265,7 +269,7 @@ impl HeatSystem {
                 right_hand_sides[first + vertex as usize] = share;
             }
         }
-        Self { matrix, right_hand_sides, hot_bones, report }
+        Ok(Self { matrix, right_hand_sides, hot_bones, report })
     }
 
     /// Largest relative residual over all columns, by multiplication with the assembled matrix.
@@ -283,26 +287,23 @@ impl HeatSystem {
     }
 }
 
-/// `-L` with every positive entry beside the diagonal set to zero and rows still summing to zero; and how many edges
-/// that were.
-fn stiffness_without_negative_conductance(mut laplacian: SparseMatrix) -> (SparseMatrix, usize) {
-    let mut clamped = 0;
-    for column in 0..laplacian.columns() {
-        let range = laplacian.column_starts()[column]..laplacian.column_starts()[column + 1];
-        let (mut sum, mut diagonal) = (0.0, range.start);
-        for entry in range {
-            if laplacian.row_indices()[entry] == column {
-                diagonal = entry;
-                continue;
-            }
-            let conductance = laplacian.values()[entry];
-            clamped += usize::from(conductance < 0.0);
-            laplacian.values_mut()[entry] = -conductance.max(0.0);
-            sum += conductance.max(0.0);
-        }
-        laplacian.values_mut()[diagonal] = sum;
+/// The surface's operators; a mesh whose triangles have all collapsed has no conductance and no area.
+fn operators(surface: &HeatSurface) -> Result<IntrinsicLaplacian, MeshError> {
+    let n = surface.mesh.vertices.len();
+    if !surface.mesh.triangles.is_empty() {
+        return intrinsic_delaunay_laplacian(&surface.mesh, Lumping::VoronoiHybrid);
     }
-    (laplacian, clamped / 2)
+    let diagonal: Vec<(u32, u32, f64)> = (0..n as u32).map(|v| (v, v, 0.0)).collect();
+    Ok(IntrinsicLaplacian {
+        // In range by construction.
+        matrix: SparseMatrix::from_triplets(n, n, &diagonal).unwrap_or_default(),
+        mass: vec![0.0; n],
+        flips: 0,
+        omitted_triangles: 0,
+        degenerate_triangles: 0,
+        clamped_edges: 0,
+        doubled: false,
+    })
 }
 
 fn add_to_diagonal(matrix: &mut SparseMatrix, index: usize, value: f64) {
