@@ -1,0 +1,97 @@
+//! Drawing with wgpu: the adapter, the renderer, and pictures without a window.
+
+mod buffers;
+mod offscreen;
+mod pipelines;
+mod renderer;
+
+pub use offscreen::render_to_image_gpu;
+pub use renderer::Renderer;
+
+use crate::{RenderError, Samples};
+
+/// An adapter, opened for drawing without a window.
+#[derive(Debug)]
+pub struct Gpu {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+    samples: Samples,
+}
+
+impl Gpu {
+    /// Opens the best adapter of this machine; a software one counts. Never panics where there is none.
+    pub fn request() -> Result<Self, RenderError> {
+        pollster::block_on(async {
+            let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+            let options = wgpu::RequestAdapterOptions {
+                power_preference: wgpu::PowerPreference::HighPerformance,
+                ..wgpu::RequestAdapterOptions::default()
+            };
+            let adapter = instance
+                .request_adapter(&options)
+                .await
+                .map_err(|error| RenderError::NoAdapter { detail: error.to_string() })?;
+            let info = adapter.get_info();
+            let samples = if supports_four(&adapter) { Samples::Four } else { Samples::One };
+            let descriptor = wgpu::DeviceDescriptor {
+                label: Some("armature"),
+                required_limits: wgpu::Limits::downlevel_defaults().using_resolution(adapter.limits()),
+                ..wgpu::DeviceDescriptor::default()
+            };
+            let (device, queue) = adapter
+                .request_device(&descriptor)
+                .await
+                .map_err(|error| RenderError::NoDevice { adapter: adapter_label(&info), detail: error.to_string() })?;
+            Ok(Self { device, queue, info, samples })
+        })
+    }
+
+    /// For people: "NVIDIA GeForce RTX 3060 (Vulkan)", "llvmpipe (LLVM 15.0.6, 256 bits) (Vulkan, software)".
+    pub fn label(&self) -> String {
+        adapter_label(&self.info)
+    }
+
+    /// Whether the adapter computes on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// The smoothest edges this adapter can draw.
+    pub fn best_samples(&self) -> Samples {
+        self.samples
+    }
+}
+
+/// Name of an adapter for people.
+pub fn adapter_label(info: &wgpu::AdapterInfo) -> String {
+    let backend = match info.backend {
+        wgpu::Backend::Noop => "no backend",
+        wgpu::Backend::Vulkan => "Vulkan",
+        wgpu::Backend::Metal => "Metal",
+        wgpu::Backend::Dx12 => "DirectX 12",
+        wgpu::Backend::Gl => "OpenGL",
+        wgpu::Backend::BrowserWebGpu => "WebGPU",
+    };
+    let software = if info.device_type == wgpu::DeviceType::Cpu { ", software" } else { "" };
+    format!("{} ({backend}{software})", info.name)
+}
+
+/// Samples for drawing at display rate: four, but one on an adapter that computes on the CPU or cannot do better.
+pub fn preferred_samples(adapter: &wgpu::Adapter) -> Samples {
+    if adapter.get_info().device_type != wgpu::DeviceType::Cpu && supports_four(adapter) {
+        Samples::Four
+    } else {
+        Samples::One
+    }
+}
+
+fn supports_four(adapter: &wgpu::Adapter) -> bool {
+    [pipelines::LIGHT_FORMAT, pipelines::DEPTH_FORMAT]
+        .iter()
+        .all(|&format| adapter.get_texture_format_features(format).flags.sample_count_supported(4))
+        && adapter
+            .get_texture_format_features(pipelines::LIGHT_FORMAT)
+            .flags
+            .contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_RESOLVE)
+}
