@@ -109,6 +109,11 @@ fn flag(now: &Transform, rest: &Transform) -> u8 {
     (u8::from(translation) * TRANSLATION) | (u8::from(rotation) * ROTATION) | (u8::from(scale) * SCALE)
 }
 
+/// Whether two transforms are the same to the last bit (so that -0 differs from 0, and a NaN equals itself).
+pub(crate) fn same_bits(a: &Transform, b: &Transform) -> bool {
+    flag(a, b) == 0
+}
+
 fn number_bytes(flag: u8) -> usize {
     [(TRANSLATION, 12), (ROTATION, 16), (SCALE, 12)].iter().filter(|(bit, _)| flag & bit != 0).map(|(_, n)| n).sum()
 }

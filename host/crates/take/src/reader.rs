@@ -8,7 +8,7 @@ use crate::bytes::Fields;
 use crate::frame::{self, Damage, Found, PREAMBLE_BYTES, RECORD_OVERHEAD_BYTES, RawRecord, Scanner};
 use crate::{
     Event, Header, MAGIC, MAJOR_VERSION, MINOR_VERSION, PackedPose, PayloadError, Problem, ReadReport, Record,
-    RecordKind, Sample, TakeError, TakeWriter, Totals, WriteError, payload,
+    RecordKind, Sample, TakeError, TakeWriter, Totals, WriteError, payload, payload_rig,
 };
 
 /// A take in memory: its records in the order they were written.
@@ -137,10 +137,12 @@ impl Take {
 
     fn read_payload(&self, kind: RecordKind, fields: &mut Fields<'_>) -> Result<Read, PayloadError> {
         Ok(Read::Record(match kind {
-            RecordKind::Header | RecordKind::Calibration | RecordKind::Mapping => return Err(PayloadError::Repeated),
+            RecordKind::Header => return Err(PayloadError::Repeated),
             RecordKind::Skeleton if self.skeleton.is_some() => return Err(PayloadError::Repeated),
             RecordKind::Skeleton => Record::Skeleton(payload::read_skeleton(fields)?),
             RecordKind::Topology => Record::Topology(payload::read_topology(fields)?),
+            RecordKind::Calibration => Record::Calibration(payload_rig::read_calibration(fields)?),
+            RecordKind::Mapping => Record::Mapping(payload_rig::read_mapping(fields)?),
             RecordKind::Sample => Record::Sample(payload::read_sample(fields)?),
             RecordKind::Pose => Record::Pose(payload::read_pose(fields, self.skeleton())?),
             RecordKind::Event => Record::Event(payload::read_event(fields)?),

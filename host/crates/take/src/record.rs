@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use armature_rig::{JointTree, RawSample, Skeleton};
+use armature_rig::{Calibration, JointTree, Mapping, RawSample, Skeleton};
 
 use crate::PackedPose;
 
@@ -37,6 +37,8 @@ impl RecordKind {
             1 => Self::Header,
             2 => Self::Skeleton,
             3 => Self::Topology,
+            4 => Self::Calibration,
+            5 => Self::Mapping,
             6 => Self::Sample,
             7 => Self::Pose,
             8 => Self::Event,
@@ -189,6 +191,10 @@ pub enum Record {
     Skeleton(Skeleton),
     /// The puppet, from here on.
     Topology(Topology),
+    /// What counts mean, from here on; replaces the former calibration as a whole.
+    Calibration(Calibration),
+    /// Which part drives which bone, from here on; replaces the former mapping as a whole.
+    Mapping(Mapping),
     /// One reading.
     Sample(Sample),
     /// One solved pose.
@@ -203,6 +209,8 @@ impl Record {
         match self {
             Self::Skeleton(_) => RecordKind::Skeleton,
             Self::Topology(_) => RecordKind::Topology,
+            Self::Calibration(_) => RecordKind::Calibration,
+            Self::Mapping(_) => RecordKind::Mapping,
             Self::Sample(_) => RecordKind::Sample,
             Self::Pose(_) => RecordKind::Pose,
             Self::Event(_) => RecordKind::Event,

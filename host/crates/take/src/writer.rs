@@ -2,11 +2,11 @@
 
 use std::io;
 
-use armature_rig::{JointTree, Pose, RawSample, Skeleton};
+use armature_rig::{Calibration, JointTree, Mapping, Pose, RawSample, Skeleton};
 
 use crate::bytes::Put;
 use crate::frame::{self, PREAMBLE_BYTES};
-use crate::{Event, Header, PackedPose, Record, RecordKind, Totals, WriteError, packed_pose, payload};
+use crate::{Event, Header, PackedPose, Record, RecordKind, Totals, WriteError, packed_pose, payload, payload_rig};
 
 /// Appends records to anything that takes bytes.
 ///
@@ -47,6 +47,16 @@ impl<W: io::Write> TakeWriter<W> {
         self.write(RecordKind::Topology, |payload| payload::put_topology(payload, epoch, tree))
     }
 
+    /// What counts mean, from here on; replaces the former calibration as a whole.
+    pub fn calibration(&mut self, calibration: &Calibration) -> Result<(), WriteError> {
+        self.write(RecordKind::Calibration, |payload| payload_rig::put_calibration(payload, calibration))
+    }
+
+    /// Which part drives which bone, from here on; replaces the former mapping as a whole.
+    pub fn mapping(&mut self, mapping: &Mapping) -> Result<(), WriteError> {
+        self.write(RecordKind::Mapping, |payload| payload_rig::put_mapping(payload, mapping))
+    }
+
     /// One reading; `host_receive_seconds` on the recorder's clock, where it has one.
     pub fn sample(&mut self, raw: &RawSample, host_receive_seconds: Option<f64>) -> Result<(), WriteError> {
         self.write(RecordKind::Sample, |payload| payload::put_sample(payload, raw, host_receive_seconds))
@@ -79,6 +89,8 @@ impl<W: io::Write> TakeWriter<W> {
         match record {
             Record::Skeleton(skeleton) => self.skeleton(skeleton),
             Record::Topology(topology) => self.topology(topology.epoch, &topology.tree),
+            Record::Calibration(calibration) => self.calibration(calibration),
+            Record::Mapping(mapping) => self.mapping(mapping),
             Record::Sample(sample) => self.sample(&sample.raw, sample.host_receive_seconds),
             Record::Pose(pose) => self.packed_pose(pose),
             Record::Event(event) => self.event(event),

@@ -1,0 +1,143 @@
+//! Solving a stream of samples while puppet, calibration and mapping change under it.
+
+use armature_rig::{Calibration, JointTree, Mapping, MappingError, Pose, PoseSolver, RawSample, SampleError, Skeleton};
+
+/// From samples to poses, with every change taking effect from the next sample on.
+///
+/// A pose depends on earlier samples too (a sensor without data keeps its last reading), so a replay is exact
+/// only if it goes the way the recording went. This is that way: the live program and [`crate::replay`] both
+/// use it. Give it every sample that goes into the take, in that order, and every change that goes into the
+/// take, at its place.
+#[derive(Clone, Debug)]
+pub struct StreamSolver {
+    skeleton: Skeleton,
+    topology: Option<(u16, JointTree)>,
+    calibration: Calibration,
+    mapping: Option<Mapping>,
+    /// The latest solver that could be made, even if it is out of date: the next one continues from it.
+    solver: Option<PoseSolver>,
+    state: State,
+    pose: Pose,
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    Stale,
+    Current,
+    Unusable(MappingError),
+}
+
+/// Why a sample has no pose.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// No joint tree was given.
+    #[error("there is no joint tree yet; wait for the puppet's topology")]
+    NoTopology,
+    /// No mapping was given.
+    #[error("no joint is mapped to a bone yet; map the puppet to the character")]
+    NoMapping,
+    /// The sample is numbered by another joint tree than the current one.
+    #[error("the sample belongs to topology {sample}, the current one is {topology}; the samples that follow will fit")]
+    OtherEpoch {
+        /// The sample's epoch.
+        sample: u16,
+        /// The topology's epoch.
+        topology: u16,
+    },
+    /// Mapping or calibration do not fit puppet or skeleton.
+    #[error(transparent)]
+    Mapping(#[from] MappingError),
+    /// The sample does not fit the joint tree.
+    #[error(transparent)]
+    Sample(#[from] SampleError),
+}
+
+impl StreamSolver {
+    /// A solver for this skeleton, in the rest pose.
+    pub fn new(skeleton: Skeleton) -> Self {
+        Self {
+            pose: skeleton.rest_pose(),
+            skeleton,
+            topology: None,
+            calibration: Calibration::default(),
+            mapping: None,
+            solver: None,
+            state: State::Stale,
+        }
+    }
+
+    /// The puppet is plugged together like this from now on.
+    pub fn set_topology(&mut self, epoch: u16, tree: JointTree) {
+        self.topology = Some((epoch, tree));
+        self.state = State::Stale;
+    }
+
+    /// Counts mean this from now on.
+    pub fn set_calibration(&mut self, calibration: Calibration) {
+        self.calibration = calibration;
+        self.state = State::Stale;
+    }
+
+    /// Parts drive these bones from now on.
+    pub fn set_mapping(&mut self, mapping: Mapping) {
+        self.mapping = Some(mapping);
+        self.state = State::Stale;
+    }
+
+    /// The skeleton.
+    pub fn skeleton(&self) -> &Skeleton {
+        &self.skeleton
+    }
+
+    /// Epoch and joint tree in use.
+    pub fn topology(&self) -> Option<(u16, &JointTree)> {
+        self.topology.as_ref().map(|(epoch, tree)| (*epoch, tree))
+    }
+
+    /// The calibration in use.
+    pub fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// The mapping in use.
+    pub fn mapping(&self) -> Option<&Mapping> {
+        self.mapping.as_ref()
+    }
+
+    /// The latest pose; the rest pose before the first.
+    pub fn pose(&self) -> &Pose {
+        &self.pose
+    }
+
+    /// The solver in use, for the state of its bones; `None` before the first solved sample.
+    pub fn solver(&self) -> Option<&PoseSolver> {
+        self.solver.as_ref()
+    }
+
+    /// The pose of the next sample. Allocates nothing unless something changed since the last one.
+    pub fn solve(&mut self, sample: &RawSample) -> Result<&Pose, SolveError> {
+        let (epoch, tree) = self.topology.as_ref().ok_or(SolveError::NoTopology)?;
+        if *epoch != sample.epoch {
+            return Err(SolveError::OtherEpoch { sample: sample.epoch, topology: *epoch });
+        }
+        let mapping = self.mapping.as_ref().ok_or(SolveError::NoMapping)?;
+        if matches!(self.state, State::Stale) {
+            self.state = match PoseSolver::new(tree, &self.calibration, mapping, &self.skeleton) {
+                Ok(mut solver) => {
+                    if let Some(previous) = &self.solver {
+                        solver.continue_from(previous);
+                    }
+                    self.solver = Some(solver);
+                    State::Current
+                }
+                Err(error) => State::Unusable(error),
+            };
+        }
+        match (&self.state, &mut self.solver) {
+            (State::Current, Some(solver)) => solver.solve(&sample.counts, &sample.states, &mut self.pose)?,
+            (State::Unusable(error), _) => return Err(error.clone().into()),
+            (State::Stale | State::Current, _) => return Err(SolveError::NoMapping),
+        }
+        Ok(&self.pose)
+    }
+}
