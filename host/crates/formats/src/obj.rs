@@ -4,6 +4,7 @@
 //! is why only the material library is read by `tobj`, which renumbers and rounds positions.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 
 use crate::polygon::{MAX_CONCAVE_CORNERS, triangulate};
 use crate::seams::{Corner, NONE, draw_corners};
@@ -193,6 +194,34 @@ fn read_materials(raw: &Raw, resolver: Resolver, model: &mut Model) {
     }
 }
 
+/// Writes a surface as OBJ text, with normals and texture coordinates where the model has them.
+pub fn write_obj(model: &Model) -> String {
+    let mut out = String::new();
+    for [x, y, z] in &model.mesh.vertices {
+        let _ = writeln!(out, "v {x} {y} {z}");
+    }
+    for [u, v] in model.texture_coordinates.iter().flatten() {
+        let _ = writeln!(out, "vt {u} {}", 1.0 - v);
+    }
+    for [x, y, z] in model.normals.iter().flatten() {
+        let _ = writeln!(out, "vn {x} {y} {z}");
+    }
+    for (triangle, drawn) in model.mesh.triangles.iter().zip(model.drawn_triangles()) {
+        out.push('f');
+        for (vertex, corner) in triangle.iter().zip(drawn) {
+            let (vertex, corner) = (u64::from(*vertex) + 1, u64::from(*corner) + 1);
+            let _ = match (&model.texture_coordinates, &model.normals) {
+                (None, None) => write!(out, " {vertex}"),
+                (Some(_), None) => write!(out, " {vertex}/{corner}"),
+                (None, Some(_)) => write!(out, " {vertex}//{corner}"),
+                (Some(_), Some(_)) => write!(out, " {vertex}/{corner}/{corner}"),
+            };
+        }
+        out.push('\n');
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -217,6 +246,8 @@ mod tests {
         let flat = model.split_at_seams();
         assert_eq!(flat.mesh.vertices.len(), 5);
         assert_eq!(flat.mesh.vertices[3], [0.0; 3]);
+        let again = read_obj("thing.obj", write_obj(&model).as_bytes(), &none).unwrap();
+        assert_eq!(Model { name: model.name.clone(), ..again }, model);
     }
 
     #[test]

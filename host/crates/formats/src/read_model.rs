@@ -11,8 +11,11 @@ pub type Resolver<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, String>;
 /// The kinds of mesh file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
+    Mesh,
     Obj,
     Off,
+    Ply,
+    Stl,
 }
 
 const KNOWN: &str = "Meshes are read from OBJ, PLY, STL, OFF, glTF, GLB and MESH files; export as one of these";
@@ -26,8 +29,11 @@ pub fn read_model(file_name: &str, bytes: &[u8], resolver: Resolver) -> Result<M
     let kind = kind_of(file_name, bytes)
         .ok_or_else(|| FormatError::whole(file_name, "this is no mesh file that can be read", KNOWN))?;
     let mut model = match kind {
+        Kind::Mesh => crate::medit::read_mesh(file_name, bytes),
         Kind::Obj => crate::obj::read_obj(file_name, bytes, resolver),
         Kind::Off => crate::off::read_off(file_name, bytes),
+        Kind::Ply => crate::ply::read_ply(file_name, bytes),
+        Kind::Stl => crate::stl::read_stl(file_name, bytes),
     }?;
     check(file_name, &mut model)?;
     if model.name.is_empty() {
@@ -45,8 +51,11 @@ fn stem(file_name: &str) -> &str {
 fn kind_of(file_name: &str, bytes: &[u8]) -> Option<Kind> {
     let extension = file_name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
     by_content(bytes).or(match extension.as_str() {
+        "mesh" => Some(Kind::Mesh),
         "obj" => Some(Kind::Obj),
         "off" | "coff" | "noff" => Some(Kind::Off),
+        "ply" => Some(Kind::Ply),
+        "stl" => Some(Kind::Stl),
         _ => None,
     })
 }
@@ -58,7 +67,11 @@ fn by_content(bytes: &[u8]) -> Option<Kind> {
     if word.len() <= 7 && word.ends_with(b"OFF") {
         return Some(Kind::Off);
     }
-    None
+    match word {
+        b"ply" => Some(Kind::Ply),
+        _ if word.eq_ignore_ascii_case(b"MeshVersionFormatted") => Some(Kind::Mesh),
+        _ => None,
+    }
 }
 
 /// What every reader must have established, checked once for all of them.

@@ -46,6 +46,37 @@ fn shared_meshes_have_their_known_sizes() {
     }
 }
 
+/// Volume enclosed by a surface, by the divergence theorem.
+fn enclosed(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> f64 {
+    let v = |i: u32| glam::DVec3::from(vertices[i as usize]);
+    triangles.iter().map(|t| v(t[0]).dot(v(t[1]).cross(v(t[2]))) / 6.0).sum()
+}
+
+#[test]
+fn shared_volumes_have_their_known_sizes() {
+    for (name, vertices, triangles, tetrahedra) in
+        [("hand.mesh", 7_234, 9_556, 29_998), ("octopus-low.mesh", 452, 898, 1_140)]
+    {
+        let Some(model) = shared_model(name) else { return };
+        let volume = model.tetrahedra.as_ref().unwrap();
+        assert_eq!(volume.vertices, model.mesh.vertices);
+        assert_eq!(
+            (volume.vertices.len(), model.mesh.triangles.len(), volume.tetrahedra.len()),
+            (vertices, triangles, tetrahedra),
+            "{name}"
+        );
+        assert!(is_closed(&model), "{name}");
+        let v = |i: u32| glam::DVec3::from(volume.vertices[i as usize]);
+        let volumes = volume
+            .tetrahedra
+            .iter()
+            .map(|t| (v(t[1]) - v(t[0])).dot((v(t[2]) - v(t[0])).cross(v(t[3]) - v(t[0]))) / 6.0);
+        assert!(volumes.clone().all(|volume| volume >= 0.0), "{name}");
+        let (inside, by_surface) = (volumes.sum::<f64>(), enclosed(&volume.vertices, &model.mesh.triangles));
+        assert!((inside - by_surface).abs() < 1e-9 * inside.abs(), "{name}: {inside} {by_surface}");
+    }
+}
+
 #[test]
 fn spot_stays_welded_and_keeps_its_texture_coordinates() {
     let Some(model) = shared_model("spot.obj") else { return };
