@@ -40,14 +40,14 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
         let away = (point - u.ground_center.xy) / u.ground.z;
         let falloff = dot(away, away);
         let pool = exp(-falloff / 5.0);
-        color = mix(u.backdrop_horizon.rgb, u.floor.rgb * (1.0 + 0.45 * exp(-falloff / 1.2)), pool);
+        color = mix(u.backdrop_horizon.rgb, u.floor.rgb * (1.0 + 0.9 * exp(-falloff / 1.1)), pool);
         let right = ray_through(pixel + vec2f(1.0, 0.0));
         let down = ray_through(pixel + vec2f(0.0, 1.0));
         if right.y < 0.0 && down.y < 0.0 {
             let across = abs(floor_point(right) - point) + abs(floor_point(down) - point);
             let minor = grid_lines(point, across, u.ground.y);
             let major = grid_lines(point, across, u.ground.y * 5.0);
-            let strength = max(minor * 0.30, major * 0.65) * exp(-falloff / 9.0);
+            let strength = max(minor * 0.22, major * 0.42) * exp(-falloff / 7.0);
             color = mix(color, u.grid.rgb, strength);
         }
         let texel = (point - u.shadow.xy) / (2.0 * u.shadow.z) + 0.5;

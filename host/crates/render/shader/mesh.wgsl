@@ -37,14 +37,16 @@ fn fragment(surface: Surface) -> @location(0) vec4f {
     let base = mix(u.base_color.rgb * texel, u.highlight.rgb, saturate(surface.highlight) * 0.75);
     let to_eye = normalize(u.eye.xyz - surface.world);
     let shading = normalize(surface.normal);
-    let facing = dot(shading, to_eye);
-    let normal = select(-shading, shading, facing >= 0.0);
+    // The side that is seen decides which way the normal points, however the triangle is wound.
+    let seen_side = cross(dpdy(surface.world), dpdx(surface.world));
+    let normal = select(-shading, shading, dot(shading, seen_side) >= 0.0);
+    let facing = saturate(dot(normal, to_eye));
     let above = saturate((surface.world.y - u.ground.x) / (0.5 * u.ground.z));
     let openness = mix(1.0, mix(0.45, 1.0, above), saturate(0.5 - 0.5 * normal.y));
     let ambient = mix(u.bounce.rgb, u.sky.rgb, 0.5 + 0.5 * normal.y) * openness;
     let key = wrapped(dot(normal, u.key_direction.xyz), 0.12);
     let fill = wrapped(dot(normal, u.fill_direction.xyz), 0.45);
-    let edge = pow(1.0 - saturate(abs(facing)), 3.0);
+    let edge = pow(1.0 - facing, 3.0);
     let rim = edge * saturate(0.35 + 0.65 * dot(normal, u.rim_direction.xyz));
     let diffuse = base * (ambient + u.key_color.rgb * key + u.fill_color.rgb * fill);
     let gloss = u.key_color.rgb * specular(normal, to_eye, u.key_direction.xyz);

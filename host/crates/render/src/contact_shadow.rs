@@ -15,7 +15,7 @@ pub(crate) struct ContactShadow {
     pub(crate) center: [f32; 2],
     /// Half the side, world units.
     pub(crate) half_side: f32,
-    /// SHADOW_SIDE² values, 255 darkest; rows along +z.
+    /// `SHADOW_SIDE²` values, 255 darkest; rows along +z.
     pub(crate) texels: Vec<u8>,
     near: Vec<f32>,
     far: Vec<f32>,
@@ -52,7 +52,7 @@ impl ContactShadow {
         blur(&mut self.near, &mut self.scratch, (texels_per_radius * 0.022).round() as usize);
         blur(&mut self.far, &mut self.scratch, (texels_per_radius * 0.11).round() as usize);
         for ((texel, near), far) in self.texels.iter_mut().zip(&self.near).zip(&self.far) {
-            let light = (1.0 - 0.65 * near.min(1.0)) * (1.0 - 0.6 * far.min(1.0));
+            let light = (1.0 - 0.75 * near.min(1.0)) * (1.0 - 0.8 * far.min(1.0));
             *texel = ((1.0 - light) * 255.0 + 0.5) as u8;
         }
     }

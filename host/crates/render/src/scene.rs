@@ -111,8 +111,8 @@ impl Default for Look {
             backdrop_horizon: [0.185, 0.200, 0.230],
             floor: [0.245, 0.262, 0.295],
             grid: [0.42, 0.45, 0.50],
-            shadow: 0.72,
-            clay: [0.80, 0.765, 0.725],
+            shadow: 0.95,
+            clay: [0.80, 0.755, 0.71],
             highlight: [0.32, 0.66, 0.98],
         }
     }

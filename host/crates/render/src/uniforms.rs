@@ -67,21 +67,21 @@ impl Uniforms {
             grid: linear(scene.look.grid),
             base_color: linear(base),
             highlight: linear(scene.look.highlight),
-            sky: Vec4::new(0.30, 0.33, 0.40, 0.0),
-            bounce: Vec4::new(0.085, 0.075, 0.068, 0.0),
-            key_direction: towards(-0.62, 0.78, 0.62).extend(0.0),
-            key_color: Vec4::new(0.86, 0.80, 0.70, 0.0),
+            sky: Vec4::new(0.13, 0.155, 0.20, 0.0),
+            bounce: Vec4::new(0.055, 0.050, 0.050, 0.0),
+            key_direction: towards(-0.75, 0.72, 0.52).extend(0.0),
+            key_color: Vec4::new(1.02, 0.94, 0.82, 0.0),
             fill_direction: towards(0.85, 0.18, 0.50).extend(0.0),
-            fill_color: Vec4::new(0.10, 0.13, 0.18, 0.0),
+            fill_color: Vec4::new(0.10, 0.15, 0.23, 0.0),
             rim_direction: towards(0.45, 0.55, -0.70).extend(0.0),
-            rim_color: Vec4::new(0.42, 0.50, 0.62, 0.0),
+            rim_color: Vec4::new(0.60, 0.72, 0.90, 0.0),
         }
     }
 }
 
-/// A round length near a fifth of the character's radius: 1, 2 or 5 times a power of ten.
+/// A round length near two fifths of the character's radius: 1, 2 or 5 times a power of ten.
 fn grid_cell(radius: f32) -> f32 {
-    let wanted = radius * 0.22;
+    let wanted = radius * 0.4;
     let power = 10.0_f32.powf(wanted.log10().floor());
     let step = match wanted / power {
         x if x < 1.5 => 1.0,
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn grid_cells_are_round() {
-        for (radius, cell) in [(1.0, 0.2), (0.1, 0.02), (90.0, 20.0), (250.0, 50.0), (4.5, 1.0)] {
+        for (radius, cell) in [(1.0, 0.5), (0.1, 0.05), (90.0, 50.0), (250.0, 100.0), (4.5, 2.0)] {
             assert!((grid_cell(radius) / cell - 1.0).abs() < 1e-4, "{radius}: {}", grid_cell(radius));
         }
     }

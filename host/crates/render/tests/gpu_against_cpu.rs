@@ -155,3 +155,16 @@ fn the_twin_draws_the_same_picture_every_time() {
     let draw = || render_to_image_cpu(&scene, &camera, [200, 150], Samples::Four).unwrap();
     assert_eq!(draw(), draw());
 }
+
+#[test]
+fn a_triangle_looks_the_same_however_it_is_wound() {
+    let (shape, _) = shapes::figure();
+    let (ground, camera) = standing(&shape);
+    let turned: Vec<[u32; 3]> = shape.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    let scene = Scene { mesh: mesh_of(&shape), ground, ..Scene::default() };
+    let inside_out = Scene { mesh: MeshView { triangles: &turned, ..scene.mesh }, ..scene };
+    let draw = |scene| render_to_image_cpu(scene, &camera, SIZE, Samples::One).unwrap();
+    let apart = difference(&draw(&scene), &draw(&inside_out));
+    assert!(apart.mean < 0.01, "{apart:?}");
+    compare("inside out", &inside_out, &camera);
+}

@@ -18,14 +18,14 @@ pub(crate) fn fragment(u: &Uniforms, shadow: &ContactShadow, pixel: [f32; 2]) ->
         let away = (point - u.ground_center.xy()) / u.ground.z;
         let falloff = away.dot(away);
         let pool = (-falloff / 5.0).exp();
-        color = mix(u.backdrop_horizon.xyz(), u.floor.xyz() * (1.0 + 0.45 * (-falloff / 1.2).exp()), pool);
+        color = mix(u.backdrop_horizon.xyz(), u.floor.xyz() * (1.0 + 0.9 * (-falloff / 1.1).exp()), pool);
         let right = ray_through(u, pixel + Vec2::X);
         let down = ray_through(u, pixel + Vec2::Y);
         if right.y < 0.0 && down.y < 0.0 {
             let across = (floor_point(u, right) - point).abs() + (floor_point(u, down) - point).abs();
             let minor = grid_lines(point, across, u.ground.y);
             let major = grid_lines(point, across, u.ground.y * 5.0);
-            let strength = (minor * 0.30).max(major * 0.65) * (-falloff / 9.0).exp();
+            let strength = (minor * 0.22).max(major * 0.42) * (-falloff / 7.0).exp();
             color = mix(color, u.grid.xyz(), strength);
         }
         let texel = (point - u.shadow.xy()) / (2.0 * u.shadow.z) + 0.5;

@@ -12,15 +12,20 @@ pub(crate) struct Surface {
     normal: Vec3,
     uv: Vec2,
     highlight: f32,
+    /// Square to the triangle, towards the eye; of any length.
+    seen_side: Vec3,
 }
 
 /// A point of a triangle, by the weights of its corners.
-pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, weights: Vec3) -> Surface {
+pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, front: bool, weights: Vec3) -> Surface {
     let corners = mesh.triangles[triangle as usize].map(|c| c as usize);
     let blend = |of: &dyn Fn(usize) -> Vec3| {
         of(corners[0]) * weights.x + of(corners[1]) * weights.y + of(corners[2]) * weights.z
     };
+    let [a, b, c] = corners.map(|c| Vec3::from(mesh.positions[c]));
+    let outwards = (b - a).cross(c - a);
     Surface {
+        seen_side: if front { outwards } else { -outwards },
         world: blend(&|c| Vec3::from(mesh.positions[c])),
         normal: blend(&|c| Vec3::from(mesh.normals[c])),
         uv: mesh.uv.map_or(Vec2::ZERO, |uv| blend(&|c| Vec2::from(uv[c]).extend(0.0)).truncate()),
@@ -34,14 +39,14 @@ pub(crate) fn fragment(u: &Uniforms, texture: &TextureSampler, surface: &Surface
     let base = mix(u.base_color.xyz() * texel, u.highlight.xyz(), saturate(surface.highlight) * 0.75);
     let to_eye = (u.eye.xyz() - surface.world).normalize_or_zero();
     let shading = surface.normal.normalize_or_zero();
-    let facing = shading.dot(to_eye);
-    let normal = if facing >= 0.0 { shading } else { -shading };
+    let normal = if shading.dot(surface.seen_side) >= 0.0 { shading } else { -shading };
+    let facing = saturate(normal.dot(to_eye));
     let above = saturate((surface.world.y - u.ground.x) / (0.5 * u.ground.z));
     let openness = 1.0 + (0.45 + 0.55 * above - 1.0) * saturate(0.5 - 0.5 * normal.y);
     let ambient = mix(u.bounce.xyz(), u.sky.xyz(), 0.5 + 0.5 * normal.y) * openness;
     let key = wrapped(normal.dot(u.key_direction.xyz()), 0.12);
     let fill = wrapped(normal.dot(u.fill_direction.xyz()), 0.45);
-    let edge = (1.0 - saturate(facing.abs())).powi(3);
+    let edge = (1.0 - facing).powi(3);
     let rim = edge * saturate(0.35 + 0.65 * normal.dot(u.rim_direction.xyz()));
     let diffuse = base * (ambient + u.key_color.xyz() * key + u.fill_color.xyz() * fill);
     let gloss = u.key_color.xyz() * specular(normal, to_eye, u.key_direction.xyz());

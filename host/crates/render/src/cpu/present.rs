@@ -21,7 +21,7 @@ fn srgb_from_linear(light: f32) -> f32 {
 
 fn dither([x, y]: [f32; 2]) -> f32 {
     let fract = |value: f32| value - value.floor();
-    (fract(52.982_918_9 * fract(x * 0.067_110_56 + y * 0.005_837_15)) - 0.5) / 255.0
+    (fract(52.982_92 * fract(x * 0.067_110_56 + y * 0.005_837_15)) - 0.5) / 255.0
 }
 
 #[cfg(test)]

@@ -11,6 +11,8 @@ use crate::uniforms::Uniforms;
 pub(crate) struct ScreenTriangle {
     /// Index of the triangle it was cut from.
     pub(crate) source: u32,
+    /// Whether its front side is seen.
+    pub(crate) front: bool,
     /// `edges[i]`·(x, y, 1) is the barycentric coordinate of corner i, in pixels from the upper left.
     edges: [[f64; 3]; 3],
     /// Whether a sample exactly on edge i belongs to the triangle (top-left rule).
@@ -125,7 +127,8 @@ fn screen_triangle(source: u32, corners: [Corner; 3], size: [u32; 2], front_only
     let mut points = [place(&corners[0]), place(&corners[1]), place(&corners[2])];
     // Counter-clockwise in the world is clockwise here, where y runs down: a negative area.
     let mut area = twice_area(points);
-    if area < 0.0 {
+    let front = area < 0.0;
+    if front {
         points.swap(1, 2);
         corners.swap(1, 2);
         area = -area;
@@ -141,10 +144,11 @@ fn screen_triangle(source: u32, corners: [Corner; 3], size: [u32; 2], front_only
     };
     let owns = |i: usize| {
         let (p, q) = (points[(i + 1) % 3], points[(i + 2) % 3]);
-        q.y < p.y || (q.y == p.y && q.x > p.x)
+        q.y < p.y || (q.y <= p.y && q.x > p.x)
     };
     Some(ScreenTriangle {
         source,
+        front,
         edges: [edge(0), edge(1), edge(2)],
         owns_edge: [owns(0), owns(1), owns(2)],
         bounds: [points[0].min(points[1]).min(points[2]), points[0].max(points[1]).max(points[2])],

@@ -166,7 +166,7 @@ impl Frame<'_> {
                     (None, index) => {
                         let triangle = &self.skin[index as usize];
                         let weights = triangle.source_weights(triangle.coordinates(f64::from(x), f64::from(y)));
-                        let surface = mesh::interpolate(&self.mesh, triangle.source, weights);
+                        let surface = mesh::interpolate(&self.mesh, triangle.source, triangle.front, weights);
                         mesh::fragment(self.uniforms, &texture, &surface)
                     }
                 };

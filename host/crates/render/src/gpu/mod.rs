@@ -47,7 +47,7 @@ impl Gpu {
         })
     }
 
-    /// For people: "NVIDIA GeForce RTX 3060 (Vulkan)", "llvmpipe (LLVM 15.0.6, 256 bits) (Vulkan, software)".
+    /// For people: "AMD Radeon 780M (Vulkan)", "llvmpipe (LLVM 15.0.6, 256 bits) (Vulkan, software)".
     pub fn label(&self) -> String {
         adapter_label(&self.info)
     }

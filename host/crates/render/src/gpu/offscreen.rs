@@ -11,7 +11,7 @@ use crate::picture::check_size;
 use crate::{Camera, Picture, RenderError, Samples, Scene};
 
 /// A software adapter under load may need a while for a large picture; a hung driver never answers.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Draws a picture on the graphics adapter.
 pub fn render_to_image_gpu(

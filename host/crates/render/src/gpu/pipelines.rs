@@ -76,19 +76,19 @@ impl Pipelines {
     }
 }
 
-const fn column<'a>(stride: u64, attributes: &'a [wgpu::VertexAttribute]) -> Option<VertexBufferLayout<'a>> {
-    Some(VertexBufferLayout { array_stride: stride, step_mode: VertexStepMode::Vertex, attributes })
+const fn column(array_stride: u64, attributes: &[wgpu::VertexAttribute]) -> VertexBufferLayout<'_> {
+    VertexBufferLayout { array_stride, step_mode: VertexStepMode::Vertex, attributes }
 }
 
 static MESH_BUFFERS: [Option<VertexBufferLayout<'static>>; 4] = [
-    column(12, &vertex_attr_array![0 => Float32x3]),
-    column(12, &vertex_attr_array![1 => Float32x3]),
-    column(8, &vertex_attr_array![2 => Float32x2]),
-    column(4, &vertex_attr_array![3 => Float32]),
+    Some(column(12, &vertex_attr_array![0 => Float32x3])),
+    Some(column(12, &vertex_attr_array![1 => Float32x3])),
+    Some(column(8, &vertex_attr_array![2 => Float32x2])),
+    Some(column(4, &vertex_attr_array![3 => Float32])),
 ];
 
 static OVERLAY_BUFFERS: [Option<VertexBufferLayout<'static>>; 1] =
-    [column(40, &vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4])];
+    [Some(column(40, &vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4]))];
 
 struct Stage<'a> {
     label: &'static str,

@@ -15,7 +15,7 @@ impl Shape {
     /// A tube of varying radius around a segment, closed by half spheres.
     pub(crate) fn capsule(&mut self, from: Vec3, to: Vec3, radii: [f32; 2], sectors: usize) {
         let axis = (to - from).normalize_or(Vec3::Y);
-        let (x, z) = axis.any_orthonormal_pair();
+        let (z, x) = axis.any_orthonormal_pair();
         let rings = 16;
         self.grid(rings, sectors, |ring, sector| {
             let angle = std::f32::consts::PI * (ring / rings as f32 - 0.5);
@@ -30,7 +30,7 @@ impl Shape {
     pub(crate) fn torus(&mut self, middle: Vec3, radii: [f32; 2], steps: usize) {
         self.grid(steps, steps, |ring, sector| {
             let (sin, cos) = (std::f32::consts::TAU * sector / steps as f32).sin_cos();
-            let (rise, reach) = (-std::f32::consts::TAU * ring / steps as f32).sin_cos();
+            let (rise, reach) = (std::f32::consts::TAU * ring / steps as f32).sin_cos();
             let normal = Vec3::new(cos * reach, rise, sin * reach);
             (middle + Vec3::new(cos, 0.0, sin) * radii[0] + normal * radii[1], normal)
         });
