@@ -42,8 +42,8 @@ fn difference(a: &Picture, b: &Picture) -> Difference {
 fn compare(name: &str, scene: &Scene, camera: &Camera) {
     let Some(gpu) = adapter() else { return };
     for samples in [Samples::One, gpu.best_samples()] {
-        let by_gpu = render_to_image_gpu(&gpu, scene, camera, SIZE, samples).unwrap();
-        let by_cpu = render_to_image_cpu(scene, camera, SIZE, samples).unwrap();
+        let by_gpu = render_to_image_gpu(&gpu, scene, camera, SIZE, samples).expect("a picture");
+        let by_cpu = render_to_image_cpu(scene, camera, SIZE, samples).expect("a picture");
         let apart = difference(&by_gpu, &by_cpu);
         eprintln!("{name}, {samples:?}, {}: {apart:?}", gpu.label());
         // Inside areas both agree to rounding; a few edge pixels fall to the other side.
@@ -61,7 +61,7 @@ fn mesh_of(shape: &shapes::Shape) -> MeshView<'_> {
 }
 
 fn standing(shape: &shapes::Shape) -> (Ground, Camera) {
-    let bounds = Bounds::of(&shape.positions).unwrap();
+    let bounds = Bounds::of(&shape.positions).expect("vertices");
     (Ground::under(&bounds), Camera::fit(&bounds, SIZE[0] as f32 / SIZE[1] as f32))
 }
 
