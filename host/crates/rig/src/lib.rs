@@ -7,22 +7,30 @@
 
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests ask for exactly the documented value"))]
 
+mod alignment;
+mod assignment;
 mod calibration;
+mod child_order;
 mod joint_rotation;
 mod joint_tree;
 mod mapping;
 mod motion;
 mod pose;
 mod pose_solver;
+mod propose;
 mod sample;
 mod skeleton;
+mod skeleton_puppet;
 
 pub use calibration::{Calibration, CalibrationError, SensorCalibration, SkippedSensor, ZeroReport};
+pub use child_order::ChildOrder;
 pub use joint_rotation::{joint_angles, joint_angles_near, joint_rotation, wrapped};
 pub use joint_tree::{JointAxis, JointTree, JointTreeError, Part, PartKind, PartUid, PartUidError};
 pub use mapping::{Mapping, MappingEntry, MappingError};
 pub use motion::{Motion, MotionError};
 pub use pose::{Pose, Transform};
 pub use pose_solver::{BoneQuality, BoneStatus, PoseSolver, SampleError};
+pub use propose::{Proposal, propose};
 pub use sample::{RawSample, SensorState};
 pub use skeleton::{Bone, Skeleton, SkeletonError};
+pub use skeleton_puppet::skeleton_puppet;
