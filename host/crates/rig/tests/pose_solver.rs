@@ -1,5 +1,7 @@
 //! From counts to poses.
 
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
 mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -1,5 +1,7 @@
 //! Proposed mappings on puppets and skeletons whose right answer is known.
 
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
 mod common;
 
 use armature_rig::{Bone, PartKind, PartUid, Skeleton, Transform, propose, skeleton_puppet};
