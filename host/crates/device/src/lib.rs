@@ -1,1 +1,34 @@
+//! Talking to a puppet: sessions (bytes and the time in, events out), and the lines that carry the bytes.
 //!
+//! * [`Session`] is the host's side of the protocol: pure, without I/O and without a clock. It goes from hello to
+//!   topology to samples by itself, repeats what is not answered, follows plugging in and out, survives noise and
+//!   restarts, and counts what was lost.
+//! * [`Connection`] runs a session over a line on a tokio runtime and hands its [`Event`]s on through a bounded channel.
+//! * [`DeviceAddress`] says where a device is; [`open`] opens the line; [`list_serial_ports`] finds candidates.
+//!
+//! This crate reports raw joint readings. It knows nothing of skeletons.
+
+mod address;
+mod clock;
+mod connection;
+mod conversation;
+mod discovery;
+mod event;
+mod problem;
+mod requests;
+mod sequence;
+mod session;
+mod topology;
+mod transport;
+
+pub use address::{AddressError, DEFAULT_BAUD, DeviceAddress};
+pub use clock::ClockEstimate;
+pub use connection::Connection;
+pub use discovery::{SerialPortDescription, UsbDescription, list_serial_ports};
+pub use event::{DeviceInfo, Event, Sample, SessionCounters};
+pub use firmware_protocol::{PartKind, PartRecord as Part, PartUid, RefusalReason, SensorState, features};
+pub use problem::DeviceProblem;
+pub use requests::RequestKind;
+pub use session::{Session, SessionSettings};
+pub use topology::{Topology, TopologyProblem};
+pub use transport::{Transport, memory, open};

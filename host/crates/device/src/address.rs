@@ -1,0 +1,172 @@
+//! Where a device is: `serial:PATH[@BAUD]`, `tcp:HOST:PORT` or `sim:NAME`.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// The line speed taken when an address names none, bits a second; USB devices ignore it.
+pub const DEFAULT_BAUD: u32 = 3_000_000;
+
+/// Where a device is.
+///
+/// ```
+/// use armature_device::DeviceAddress;
+///
+/// let address: DeviceAddress = "serial:/dev/ttyACM0@1000000".parse()?;
+/// assert_eq!(address, DeviceAddress::Serial { path: "/dev/ttyACM0".into(), baud: 1_000_000 });
+/// assert_eq!(address.to_string(), "serial:/dev/ttyACM0@1000000");
+/// # Ok::<(), armature_device::AddressError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DeviceAddress {
+    /// A serial port, or a pseudo terminal that looks like one.
+    Serial {
+        /// The port's path (`/dev/ttyACM0`) or name (`COM3`).
+        path: String,
+        /// Line speed, bits a second.
+        baud: u32,
+    },
+    /// A device behind a TCP port.
+    Tcp {
+        /// Host name or address.
+        host: String,
+        /// Port.
+        port: u16,
+    },
+    /// A simulated device, which the program starts itself.
+    Sim {
+        /// Which one.
+        name: String,
+    },
+}
+
+/// Why a text is no device address.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AddressError {
+    /// No `serial:`, `tcp:` or `sim:` in front.
+    #[error(
+        "`{given}` is no device address; give serial:PATH[@BAUD], tcp:HOST:PORT or sim:NAME, \
+         for example serial:/dev/ttyACM0, tcp:localhost:7700 or sim:human"
+    )]
+    UnknownKind {
+        /// The text.
+        given: String,
+    },
+    /// `serial:` without a path.
+    #[error(
+        "serial: needs the path of a port behind it, for example serial:/dev/ttyACM0 (`armature devices` lists them)"
+    )]
+    NoPath,
+    /// A speed that is none.
+    #[error(
+        "`{given}` is no line speed; give bits a second as a whole number, for example serial:{path}@{DEFAULT_BAUD}"
+    )]
+    BadBaud {
+        /// The path in front of the speed.
+        path: String,
+        /// The text behind the `@`.
+        given: String,
+    },
+    /// `tcp:` without host or without port.
+    #[error("tcp: needs a host and a port, for example tcp:localhost:7700; found `{given}`")]
+    BadTcp {
+        /// The text behind `tcp:`.
+        given: String,
+    },
+    /// `sim:` without a name.
+    #[error("sim: needs the name of a simulated puppet behind it, for example sim:human")]
+    NoSimName,
+}
+
+impl FromStr for DeviceAddress {
+    type Err = AddressError;
+
+    fn from_str(text: &str) -> Result<Self, AddressError> {
+        match text.split_once(':') {
+            Some(("serial", rest)) => parse_serial(rest),
+            Some(("tcp", rest)) => parse_tcp(rest),
+            Some(("sim", "")) => Err(AddressError::NoSimName),
+            Some(("sim", name)) => Ok(Self::Sim { name: name.to_owned() }),
+            _ => Err(AddressError::UnknownKind { given: text.to_owned() }),
+        }
+    }
+}
+
+/// An `@` in a folder's name belongs to the path; one in the last part separates the speed.
+fn parse_serial(rest: &str) -> Result<DeviceAddress, AddressError> {
+    let (path, baud) = match rest.rsplit_once('@') {
+        Some((path, speed)) if !speed.contains('/') => match speed.parse() {
+            Ok(baud) if baud > 0 => (path, baud),
+            _ => return Err(AddressError::BadBaud { path: path.to_owned(), given: speed.to_owned() }),
+        },
+        _ => (rest, DEFAULT_BAUD),
+    };
+    if path.is_empty() {
+        return Err(AddressError::NoPath);
+    }
+    Ok(DeviceAddress::Serial { path: path.to_owned(), baud })
+}
+
+/// The host may be an IPv6 address in brackets.
+fn parse_tcp(rest: &str) -> Result<DeviceAddress, AddressError> {
+    let bad = || AddressError::BadTcp { given: rest.to_owned() };
+    let (host, port) = rest.rsplit_once(':').ok_or_else(bad)?;
+    let host = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+    match port.parse() {
+        Ok(port) if port > 0 && !host.is_empty() => Ok(DeviceAddress::Tcp { host: host.to_owned(), port }),
+        _ => Err(bad()),
+    }
+}
+
+impl fmt::Display for DeviceAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Serial { path, baud } if *baud == DEFAULT_BAUD => write!(f, "serial:{path}"),
+            Self::Serial { path, baud } => write!(f, "serial:{path}@{baud}"),
+            Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp:[{host}]:{port}"),
+            Self::Tcp { host, port } => write!(f, "tcp:{host}:{port}"),
+            Self::Sim { name } => write!(f, "sim:{name}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn serial(path: &str, baud: u32) -> DeviceAddress {
+        DeviceAddress::Serial { path: path.into(), baud }
+    }
+
+    fn tcp(host: &str, port: u16) -> DeviceAddress {
+        DeviceAddress::Tcp { host: host.into(), port }
+    }
+
+    #[test]
+    fn addresses_are_read_and_written_the_same() {
+        let known = [
+            ("serial:/dev/ttyACM0", serial("/dev/ttyACM0", DEFAULT_BAUD)),
+            ("serial:/dev/pts/7@115200", serial("/dev/pts/7", 115_200)),
+            ("serial:/dev/odd@folder/tty", serial("/dev/odd@folder/tty", DEFAULT_BAUD)),
+            ("serial:COM3", serial("COM3", DEFAULT_BAUD)),
+            ("tcp:localhost:7700", tcp("localhost", 7_700)),
+            ("tcp:[::1]:7700", tcp("::1", 7_700)),
+            ("sim:human", DeviceAddress::Sim { name: "human".into() }),
+        ];
+        for (text, address) in known {
+            assert_eq!(text.parse(), Ok(address.clone()));
+            assert_eq!(address.to_string(), text);
+        }
+    }
+
+    #[test]
+    fn wrong_addresses_are_explained_by_example() {
+        for text in ["", "/dev/ttyACM0", "usb:1", "serial:", "serial:@9600", "serial:x@", "serial:x@fast", "serial:x@0"]
+            .into_iter()
+            .chain(["tcp:", "tcp:host", "tcp::80", "tcp:host:0", "tcp:host:70000", "sim:"])
+        {
+            let error = text.parse::<DeviceAddress>().expect_err(text);
+            let message = error.to_string();
+            assert!(["serial:", "tcp:", "sim:"].iter().any(|kind| message.contains(kind)), "{text}: {message}");
+        }
+    }
+}

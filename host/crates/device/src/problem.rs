@@ -1,0 +1,129 @@
+//! What can be wrong with a device, in words that say what to do.
+
+use crate::topology::TopologyProblem;
+use crate::{RefusalReason, RequestKind};
+
+/// What is wrong with the device or the way to it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DeviceProblem {
+    /// Not a byte came.
+    #[error(
+        "the device has sent nothing for {seconds} s: is it powered, is this the right port, and does the line speed \
+         match? (the session keeps asking)"
+    )]
+    Silent {
+        /// For how long, s.
+        seconds: u64,
+    },
+    /// Bytes came, but no frame.
+    #[error(
+        "{bytes} bytes came within {seconds} s and none of them made sense: the line speed is wrong (set it with \
+         serial:PATH@BAUD) or this is not an Armature device"
+    )]
+    Garbage {
+        /// How many bytes.
+        bytes: u64,
+        /// Within how long, s.
+        seconds: u64,
+    },
+    /// The device speaks an incompatible protocol.
+    #[error("the device speaks protocol {theirs} and this program {ours}: update {}", if theirs > ours { "this program" } else { "the device's firmware" })]
+    WrongMajor {
+        /// Major version of the device.
+        theirs: u8,
+        /// Major version of this program.
+        ours: u8,
+    },
+    /// The tree of parts cannot be.
+    #[error(
+        "the device describes a tree that cannot be: {0}; unplug and replug that part, or update the device's firmware"
+    )]
+    TopologyInvalid(#[from] TopologyProblem),
+    /// Samples do not have the length that the tree gives.
+    #[error("a sample of epoch {epoch} has {found} sensors where the tree has {expected}; the tree is asked for again")]
+    SampleDoesNotFit {
+        /// Epoch of sample and tree.
+        epoch: u16,
+        /// Sensors of the tree.
+        expected: usize,
+        /// Sensors of the sample.
+        found: usize,
+    },
+    /// The device talks but does not answer a request.
+    #[error("the device talks but does not answer the {request} request; the session begins again from the hello")]
+    NoAnswer {
+        /// Which request.
+        request: RequestKind,
+    },
+    /// The device says no.
+    #[error("the device refuses the {request} request: {}", refusal(*reason))]
+    Refused {
+        /// Which request.
+        request: RequestKind,
+        /// Why.
+        reason: RefusalReason,
+    },
+    /// The line is gone.
+    #[error("the device is gone ({reason}): check cable and power, then connect again")]
+    Disconnected {
+        /// What the operating system said.
+        reason: String,
+    },
+    /// Someone else has the port.
+    #[error("{port} is in use by another program: close it (a serial monitor, another Armature) and try again")]
+    PortBusy {
+        /// The port.
+        port: String,
+    },
+    /// There is no such port.
+    #[error("there is no port {port}: is the device plugged in? `armature devices` lists the ports there are")]
+    PortMissing {
+        /// The port.
+        port: String,
+    },
+    /// The port may not be opened.
+    #[error("{port} may not be opened by this user{}", if cfg!(target_os = "linux") { ": add yourself to the group that owns it (`sudo usermod -aG dialout $USER` on most systems), then log out and in" } else { "" })]
+    PermissionDenied {
+        /// The port.
+        port: String,
+    },
+    /// The path leads to something else.
+    #[error("{port} cannot be used as a serial port ({reason}): `armature devices` lists the ports there are")]
+    NotASerialPort {
+        /// The path.
+        port: String,
+        /// What the operating system said.
+        reason: String,
+    },
+    /// The operating system does not tell its ports.
+    #[error("the serial ports of this machine cannot be listed ({reason}); give the path: --device serial:PATH")]
+    PortsUnknown {
+        /// What the operating system said.
+        reason: String,
+    },
+    /// Nobody answers at the network address.
+    #[error("{address} cannot be reached ({reason}): is the simulator or bridge running there?")]
+    Unreachable {
+        /// Host and port.
+        address: String,
+        /// What the operating system said.
+        reason: String,
+    },
+    /// A simulated device has no line that this crate could open.
+    #[error("sim:{name} is started by the program itself and cannot be opened as a line")]
+    SimulatedHere {
+        /// Its name.
+        name: String,
+    },
+}
+
+fn refusal(reason: RefusalReason) -> String {
+    match reason {
+        RefusalReason::UnknownRequest => "it does not know it; update its firmware".into(),
+        RefusalReason::Malformed => "it found it malformed; update its firmware".into(),
+        RefusalReason::Busy => "it is busy; asked again soon".into(),
+        RefusalReason::NoSuchPart => "no part has that number; it may have been unplugged".into(),
+        RefusalReason::SensorBusFailed => "it cannot reach its sensors; check the plugs between the parts".into(),
+        RefusalReason::Other(code) => format!("reason {code}, which this version does not know"),
+    }
+}

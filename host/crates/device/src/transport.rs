@@ -1,0 +1,68 @@
+//! The lines that carry the bytes: serial ports, TCP, memory. One small trait, and everything above it the same.
+
+use std::path::Path;
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncWrite, DuplexStream};
+use tokio::net::TcpStream;
+use tokio_serial::{ErrorKind, SerialPort, SerialStream};
+
+use crate::{DeviceAddress, DeviceProblem};
+
+/// Time a network device has to accept a connection.
+const TCP_PATIENCE: Duration = Duration::from_secs(5);
+/// Bytes each way of a line in memory; about 250 samples of 96 sensors.
+const MEMORY_CAPACITY: usize = 1 << 16;
+
+/// A line: bytes in, bytes out, in order. Reading 0 bytes means that the other end is gone.
+pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
+
+impl<Line: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for Line {}
+
+/// Opens the line to a device. Must be called on a tokio runtime with I/O and time enabled.
+pub async fn open(address: &DeviceAddress) -> Result<Box<dyn Transport>, DeviceProblem> {
+    match address {
+        DeviceAddress::Serial { path, baud } => Ok(Box::new(open_serial(path, *baud)?)),
+        DeviceAddress::Tcp { host, port } => Ok(Box::new(open_tcp(host, *port).await?)),
+        DeviceAddress::Sim { name } => Err(DeviceProblem::SimulatedHere { name: name.clone() }),
+    }
+}
+
+/// A line in memory: what is written to one end is read from the other. Dropping an end closes it.
+pub fn memory() -> (DuplexStream, DuplexStream) {
+    tokio::io::duplex(MEMORY_CAPACITY)
+}
+
+fn open_serial(path: &str, baud: u32) -> Result<SerialStream, DeviceProblem> {
+    if cfg!(unix) && !Path::new(path).exists() {
+        return Err(DeviceProblem::PortMissing { port: path.to_owned() });
+    }
+    let mut line = SerialStream::open(&tokio_serial::new(path, baud)).map_err(|error| serial_problem(path, &error))?;
+    // Many USB devices send only while DTR says that someone listens. A pseudo terminal has no such wire and says so.
+    if let Err(error) = line.write_data_terminal_ready(true) {
+        tracing::debug!(path, %error, "no DTR here");
+    }
+    Ok(line)
+}
+
+fn serial_problem(path: &str, error: &tokio_serial::Error) -> DeviceProblem {
+    let port = path.to_owned();
+    match error.kind {
+        ErrorKind::NoDevice if cfg!(unix) => DeviceProblem::PortBusy { port },
+        ErrorKind::Io(std::io::ErrorKind::PermissionDenied) if cfg!(windows) => DeviceProblem::PortBusy { port },
+        ErrorKind::Io(std::io::ErrorKind::PermissionDenied) => DeviceProblem::PermissionDenied { port },
+        ErrorKind::NoDevice | ErrorKind::Io(std::io::ErrorKind::NotFound) => DeviceProblem::PortMissing { port },
+        _ => DeviceProblem::NotASerialPort { port, reason: error.to_string() },
+    }
+}
+
+async fn open_tcp(host: &str, port: u16) -> Result<TcpStream, DeviceProblem> {
+    let unreachable = |reason: String| DeviceProblem::Unreachable { address: format!("{host}:{port}"), reason };
+    let line = match tokio::time::timeout(TCP_PATIENCE, TcpStream::connect((host, port))).await {
+        Ok(connected) => connected.map_err(|error| unreachable(error.to_string()))?,
+        Err(_) => return Err(unreachable(format!("no answer within {} s", TCP_PATIENCE.as_secs()))),
+    };
+    // Pings are small and must not wait for more bytes.
+    line.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
+    Ok(line)
+}
