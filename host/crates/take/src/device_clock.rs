@@ -92,7 +92,7 @@ impl DeviceClock {
 
     fn restart(&mut self, before: Run, device_micros: u64, host_seconds: Option<f64>) -> Run {
         let elapsed = host_seconds.zip(before.latest_host_seconds).map(|(now, then)| now - then);
-        let measured = elapsed.filter(|seconds| *seconds > 0.0).map(|seconds| (seconds * 1e6) as i64);
+        let measured = elapsed.filter(|seconds| *seconds > 0.0).map(|seconds| (seconds * 1e6).round() as i64);
         let gap_micros = measured.unwrap_or(self.period_micros).clamp(1, i64::MAX / 4);
         let start_micros = before.place(before.latest_device_micros).saturating_add(gap_micros);
         self.restarts.push(ClockRestart {

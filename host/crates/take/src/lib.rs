@@ -2,7 +2,7 @@
 //!
 //! A take holds raw samples with the device's own times, the puppet's topology, calibration and mapping, the
 //! character's skeleton, the solved poses to the last bit, and what was lost. From it every pose can be solved
-//! again ([`replay`], [`verify`]) and brought to any rate ([`resample`]).
+//! again ([`replay`], [`verify`]), brought to any rate ([`resample`]) and exported ([`export_bvh`]).
 //!
 //! ```
 //! use armature_rig::{RawSample, SensorState};
@@ -68,14 +68,15 @@
 //!
 //! - A reader refuses another major version, and says so.
 //! - A higher minor version may bring new record types, which older readers pass over by their length and report,
-//!   and may append fields to payloads, which older readers ignore. It changes nothing else. Event codes and
-//!   flags may be added in the same way; a reader leaves an event it does not know out and reports it.
+//!   and may append fields to payloads, which older readers ignore. Event codes may be added in the same
+//!   way; a reader leaves an event it does not know out and reports it. Nothing else changes.
 //! - Every program of major version 1 reads every take of version 1.x that an earlier one wrote. A golden take in
 //!   `tests/golden/` holds us to it.
 
 mod bytes;
 mod device_clock;
 mod error;
+mod export;
 mod frame;
 mod packed_pose;
 mod payload;
@@ -91,6 +92,7 @@ mod writer;
 
 pub use device_clock::ClockRestart;
 pub use error::{PayloadError, TakeError, WriteError};
+pub use export::{ExportError, ExportSettings, Exported, PoseSource, TakeMotion, export_bvh, take_motion};
 pub use frame::{MAGIC, MAJOR_VERSION, MAX_PAYLOAD_BYTES, MINOR_VERSION, PREAMBLE_BYTES, RECORD_OVERHEAD_BYTES};
 pub use packed_pose::PackedPose;
 pub use payload::MAX_PARTS;

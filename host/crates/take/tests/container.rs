@@ -1,5 +1,7 @@
 //! The container: what goes in comes out, and what is damaged is named.
 
+#![allow(clippy::unwrap_used, reason = "a failing test names its line")]
+
 mod support;
 
 use std::io;
@@ -10,7 +12,10 @@ use armature_take::{
     WriteError,
 };
 use proptest::prelude::*;
-use support::{any_event, any_sample, any_transform, arm, arm_tree, bits, event, header, pose, raw, read, small_take};
+use support::{
+    any_event, any_sample, any_transform, arm, arm_calibration, arm_mapping, arm_tree, bits, event, header, pose, raw,
+    read, small_take,
+};
 
 /// Offsets of all records of a whole take, the end of the file last.
 fn record_offsets(bytes: &[u8]) -> Vec<usize> {
@@ -62,6 +67,8 @@ fn a_take_reads_back_and_writes_the_same_bytes() {
     assert_eq!(take.header(), &header());
     assert_eq!(take.skeleton(), Some(&arm()));
     assert!(take.records().iter().any(|r| matches!(r, Record::Topology(t) if t.tree == arm_tree() && t.epoch == 1)));
+    assert!(take.records().contains(&Record::Calibration(arm_calibration())));
+    assert!(take.records().contains(&Record::Mapping(arm_mapping())));
     for (sequence, packed) in take.poses().enumerate() {
         assert_eq!(bits(&take.unpack(packed)), bits(&pose(sequence as u32)));
     }

@@ -1,7 +1,10 @@
 //! Takes to test with.
 #![allow(dead_code, reason = "every test file uses its own part of this")]
 
-use armature_rig::{Bone, JointTree, Part, PartKind, PartUid, Pose, RawSample, SensorState, Skeleton, Transform};
+use armature_rig::{
+    Bone, Calibration, JointTree, Mapping, MappingEntry, Part, PartKind, PartUid, Pose, RawSample, SensorState,
+    Skeleton, Transform,
+};
 use armature_take::{Event, EventKind, Header, Sample, Take, TakeWriter};
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
@@ -44,6 +47,21 @@ pub(crate) fn arm_tree() -> JointTree {
     JointTree::new(vec![part(1, PartKind::TwistBendTwist, None), part(2, PartKind::Bend, Some(0))]).expect("a tree")
 }
 
+/// Zeroed at 2048 everywhere, the bend sensor of the first part running backwards.
+pub(crate) fn arm_calibration() -> Calibration {
+    let mut calibration = Calibration::for_tree(&arm_tree());
+    let rest = RawSample { counts: vec![2048; 4], states: vec![SensorState::Ok; 4], ..RawSample::default() };
+    calibration.zero(&arm_tree(), &rest).expect("zeroed");
+    calibration.flip(PartUid([1; 12]), 1);
+    calibration
+}
+
+pub(crate) fn arm_mapping() -> Mapping {
+    let mut wrist = MappingEntry::new(PartUid([2; 12]), "hand");
+    wrist.mounting = Quat::from_rotation_y(0.5);
+    Mapping { entries: vec![MappingEntry::new(PartUid([1; 12]), "upper"), wrist] }
+}
+
 pub(crate) fn raw(sequence: u32, device_micros: u64) -> RawSample {
     let counts: Vec<u16> = (0..4).map(|sensor| (2048 + sequence * (sensor + 1)) as u16 % 4096).collect();
     RawSample { device_micros, sequence, epoch: 1, states: vec![SensorState::Ok; counts.len()], counts }
@@ -61,11 +79,13 @@ pub(crate) fn event(kind: EventKind) -> Event {
     Event { device_micros: Some(1_030_000), host_seconds: Some(1.25), kind }
 }
 
-/// A finished take of everything but calibration and mapping: `samples` samples, a pose for each, some events.
+/// A finished take of everything: `samples` samples, a made-up pose for each, some events.
 pub(crate) fn small_take(samples: u32) -> Vec<u8> {
     let mut writer = TakeWriter::new(Vec::new(), &header()).expect("header");
     writer.skeleton(&arm()).expect("skeleton");
     writer.topology(1, &arm_tree()).expect("topology");
+    writer.calibration(&arm_calibration()).expect("calibration");
+    writer.mapping(&arm_mapping()).expect("mapping");
     for sequence in 0..samples {
         let micros = 1_000_000 + 10_000 * u64::from(sequence);
         let mut sample = raw(sequence, micros);
