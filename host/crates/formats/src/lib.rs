@@ -9,6 +9,7 @@
 mod bvh;
 mod calibration_file;
 mod error;
+mod gltf;
 mod graph_skeleton;
 mod mapping_file;
 mod medit;

@@ -11,6 +11,7 @@ pub type Resolver<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, String>;
 /// The kinds of mesh file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
+    Gltf,
     Mesh,
     Obj,
     Off,
@@ -29,6 +30,7 @@ pub fn read_model(file_name: &str, bytes: &[u8], resolver: Resolver) -> Result<M
     let kind = kind_of(file_name, bytes)
         .ok_or_else(|| FormatError::whole(file_name, "this is no mesh file that can be read", KNOWN))?;
     let mut model = match kind {
+        Kind::Gltf => crate::gltf::read_gltf(file_name, bytes, resolver),
         Kind::Mesh => crate::medit::read_mesh(file_name, bytes),
         Kind::Obj => crate::obj::read_obj(file_name, bytes, resolver),
         Kind::Off => crate::off::read_off(file_name, bytes),
@@ -51,6 +53,7 @@ fn stem(file_name: &str) -> &str {
 fn kind_of(file_name: &str, bytes: &[u8]) -> Option<Kind> {
     let extension = file_name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
     by_content(bytes).or(match extension.as_str() {
+        "gltf" | "glb" => Some(Kind::Gltf),
         "mesh" => Some(Kind::Mesh),
         "obj" => Some(Kind::Obj),
         "off" | "coff" | "noff" => Some(Kind::Off),
@@ -68,6 +71,7 @@ fn by_content(bytes: &[u8]) -> Option<Kind> {
         return Some(Kind::Off);
     }
     match word {
+        _ if start.starts_with(b"glTF") || start.starts_with(b"{") => Some(Kind::Gltf),
         b"ply" => Some(Kind::Ply),
         _ if word.eq_ignore_ascii_case(b"MeshVersionFormatted") => Some(Kind::Mesh),
         _ => None,
