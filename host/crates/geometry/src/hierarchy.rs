@@ -99,12 +99,11 @@ impl TriangleHierarchy {
     /// whether it did.
     fn visit_segment(&self, from: [f64; 3], to: [f64; 3], mut visit: impl FnMut(SegmentHit) -> Option<f64>) -> bool {
         let (from, direction) = (DVec3::from(from), DVec3::from(to) - DVec3::from(from));
-        let inverse = direction.recip();
         let mut stack = Vec::with_capacity(64);
         stack.push(0_u32);
         while let Some(index) = stack.pop() {
             let Some(node) = self.nodes.get(index as usize) else { continue };
-            if !segment_meets_box(from, inverse, node) {
+            if !segment_meets_box(from, direction, node) {
                 continue;
             }
             if node.count == 0 {
@@ -242,12 +241,18 @@ fn best_bucket(items: &[Item], bucket_of: impl Fn(&Item) -> usize) -> Option<usi
     best.map(|(bucket, _)| bucket)
 }
 
-fn segment_meets_box(from: DVec3, inverse: DVec3, node: &Node) -> bool {
+fn segment_meets_box(from: DVec3, direction: DVec3, node: &Node) -> bool {
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for axis in 0..3 {
-        let a = (node.low[axis] - from[axis]) * inverse[axis];
-        let b = (node.high[axis] - from[axis]) * inverse[axis];
-        // `max` and `min` drop the NaN of 0·∞, which stands for "on the slab's face": inside.
+        if direction[axis] == 0.0 {
+            if from[axis] < node.low[axis] || from[axis] > node.high[axis] {
+                return false;
+            }
+            continue;
+        }
+        let inverse = 1.0 / direction[axis];
+        let a = (node.low[axis] - from[axis]) * inverse;
+        let b = (node.high[axis] - from[axis]) * inverse;
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }

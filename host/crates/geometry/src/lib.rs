@@ -4,6 +4,7 @@
 //! This crate does no I/O, reads no clock and prints nothing.
 
 mod cotangent_laplacian;
+mod diagnose;
 mod hierarchy;
 mod influences;
 mod intrinsic_delaunay;
@@ -17,6 +18,7 @@ mod weld;
 pub use cotangent_laplacian::{
     Laplacian, cotangent_laplacian, cotangent_laplacian_of_triangles, cotangent_laplacian_tetrahedra,
 };
+pub use diagnose::{Diagnosis, diagnose};
 pub use hierarchy::{ClosestPoint, SegmentHit, TriangleHierarchy, closest_on_segment};
 pub use influences::{Influences, InfluencesError};
 pub use intrinsic_delaunay::{IntrinsicLaplacian, intrinsic_delaunay_laplacian};

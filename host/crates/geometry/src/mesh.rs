@@ -40,7 +40,16 @@ pub enum MeshError {
         /// Zero-based vertex.
         vertex: usize,
     },
+    /// A coordinate is so large that areas and volumes would overflow.
+    #[error("vertex {vertex} lies further than 1e60 units from the origin; scale the mesh down")]
+    TooLarge {
+        /// Zero-based vertex.
+        vertex: usize,
+    },
 }
+
+/// Fourth powers of lengths, which areas are computed from, stay within f64.
+const LARGEST_COORDINATE: f64 = 1e60;
 
 impl TriangleMesh {
     /// Checks what every algorithm here relies on: elements exist, indices are in range, positions are finite.
@@ -73,6 +82,9 @@ fn validate<const K: usize>(vertices: &[[f64; 3]], elements: &[[u32; K]]) -> Res
     if let Some(vertex) = vertices.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
         return Err(MeshError::NotFinite { vertex });
     }
+    if let Some(vertex) = vertices.iter().position(|p| p.iter().any(|c| c.abs() > LARGEST_COORDINATE)) {
+        return Err(MeshError::TooLarge { vertex });
+    }
     for (element, corners) in elements.iter().enumerate() {
         if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices.len()) {
             return Err(MeshError::IndexOutOfRange { element, vertex, vertex_count: vertices.len() });
@@ -103,6 +115,8 @@ mod tests {
         mesh.triangles.pop();
         mesh.vertices[1][0] = f64::NAN;
         assert_eq!(mesh.validate(), Err(MeshError::NotFinite { vertex: 1 }));
+        mesh.vertices[1][0] = 1e61;
+        assert_eq!(mesh.validate(), Err(MeshError::TooLarge { vertex: 1 }));
         assert_eq!(TriangleMesh::default().validate(), Err(MeshError::Empty));
     }
 }

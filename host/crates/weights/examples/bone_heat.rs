@@ -1,6 +1,6 @@
 //! Computes bone heat weights for a mesh and a skeleton and prints what it found and how long each phase took:
-//! `cargo run --release -p armature-weights --example bone_heat -- mesh.obj skeleton.tgf [weights.f64]`.
-//! The optional third file receives the weights as little-endian f64, column-major.
+//! `cargo run --release -p armature-weights --example bone_heat -- mesh.obj skeleton.tgf [weights.f64 [heat]]`.
+//! The optional third file receives the weights as little-endian f64, column-major; `heat` is the setting `c`.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -14,12 +14,16 @@ use armature_weights::{BoneHeatSettings, bone_heat};
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [mesh, skeleton, rest @ ..] = arguments.as_slice() else {
-        eprintln!("usage: bone_heat mesh.obj skeleton.tgf [weights.f64]");
+        eprintln!("usage: bone_heat mesh.obj skeleton.tgf [weights.f64 [heat]]");
         std::process::exit(2);
     };
     let mesh = support::read_obj(Path::new(mesh));
     let bones = support::read_tgf(Path::new(skeleton));
     println!("{} vertices, {} triangles, {} bones", mesh.vertices.len(), mesh.triangles.len(), bones.len());
+    let mut settings = BoneHeatSettings::default();
+    if let Some(heat) = rest.get(1) {
+        settings.heat = heat.parse().expect("heat is a number");
+    }
     let start = Instant::now();
     let mut last: Option<(_, Instant)> = None;
     let mut progress = |at: armature_weights::Progress| {
@@ -28,7 +32,7 @@ fn main() {
         }
         ControlFlow::Continue(())
     };
-    match bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut progress) {
+    match bone_heat(&mesh, &bones, &settings, &mut progress) {
         Ok(heat) => {
             println!("all: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
             println!("residual {:.1e}, deviation {:.1e}", heat.residual, heat.deviation);

@@ -33,7 +33,7 @@ pub enum Visibility {
 const NEAREST: f64 = 1e-5;
 
 /// The way to a bone may leave the vertex this much (sine of the angle) outward from the surface: vertex normals
-/// of coarse meshes lean. Pinocchio, the program of Baran and Popović, allows the same.
+/// of coarse meshes lean, and a way that really leaves the shape has to come back in through a wall.
 const OUTWARD: f64 = 0.2;
 
 /// Both ends of the way are left out of the search for walls by this fraction of its length, so that a bone that
