@@ -30,6 +30,7 @@ mod tgf;
 pub use bvh::{read_bvh, write_bvh};
 pub use calibration_file::{read_calibration, write_calibration};
 pub use error::{FormatError, Place};
+pub use gltf::{GlbClip, GlbMesh, GlbScene, GlbTimes, write_glb};
 pub use graph_skeleton::{GraphError, GraphSkeleton, skeleton_from_graph};
 pub use mapping_file::{read_mapping, write_mapping};
 pub use medit::write_mesh;

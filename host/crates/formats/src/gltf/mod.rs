@@ -5,10 +5,14 @@
 
 mod accessor;
 mod animation;
+mod buffer;
 mod container;
 mod nodes;
 mod primitive;
 mod read;
 mod skin;
+mod write;
+mod write_clip;
 
 pub(crate) use read::read_gltf;
+pub use write::{GlbClip, GlbMesh, GlbScene, GlbTimes, write_glb};
