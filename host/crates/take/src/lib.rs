@@ -87,6 +87,7 @@ mod replay;
 mod report;
 mod resample;
 mod stream_solver;
+mod summary;
 mod timeline;
 mod writer;
 
@@ -102,5 +103,6 @@ pub use replay::{Difference, ReplayError, ReplaySummary, Replayed, Verification,
 pub use report::{Problem, ReadReport, UnknownRecords};
 pub use resample::{HeldGap, ResampleError, ResampleSettings, Resampled, resample};
 pub use stream_solver::{SolveError, StreamSolver};
+pub use summary::{Summary, summarize};
 pub use timeline::{Timeline, TimelineReport};
 pub use writer::TakeWriter;

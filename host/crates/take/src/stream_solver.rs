@@ -16,15 +16,11 @@ pub struct StreamSolver {
     mapping: Option<Mapping>,
     /// The latest solver that could be made, even if it is out of date: the next one continues from it.
     solver: Option<PoseSolver>,
-    state: State,
+    /// Why there is no solver for what holds now.
+    unusable: Option<MappingError>,
+    /// Something changed since the last sample.
+    stale: bool,
     pose: Pose,
-}
-
-#[derive(Clone, Debug)]
-enum State {
-    Stale,
-    Current,
-    Unusable(MappingError),
 }
 
 /// Why a sample has no pose.
@@ -62,26 +58,27 @@ impl StreamSolver {
             calibration: Calibration::default(),
             mapping: None,
             solver: None,
-            state: State::Stale,
+            unusable: None,
+            stale: true,
         }
     }
 
     /// The puppet is plugged together like this from now on.
     pub fn set_topology(&mut self, epoch: u16, tree: JointTree) {
         self.topology = Some((epoch, tree));
-        self.state = State::Stale;
+        self.stale = true;
     }
 
     /// Counts mean this from now on.
     pub fn set_calibration(&mut self, calibration: Calibration) {
         self.calibration = calibration;
-        self.state = State::Stale;
+        self.stale = true;
     }
 
     /// Parts drive these bones from now on.
     pub fn set_mapping(&mut self, mapping: Mapping) {
         self.mapping = Some(mapping);
-        self.state = State::Stale;
+        self.stale = true;
     }
 
     /// The skeleton.
@@ -121,23 +118,25 @@ impl StreamSolver {
             return Err(SolveError::OtherEpoch { sample: sample.epoch, topology: *epoch });
         }
         let mapping = self.mapping.as_ref().ok_or(SolveError::NoMapping)?;
-        if matches!(self.state, State::Stale) {
-            self.state = match PoseSolver::new(tree, &self.calibration, mapping, &self.skeleton) {
+        if self.stale {
+            self.stale = false;
+            let made = PoseSolver::new(tree, &self.calibration, mapping, &self.skeleton);
+            self.unusable = match made {
                 Ok(mut solver) => {
                     if let Some(previous) = &self.solver {
                         solver.continue_from(previous);
                     }
                     self.solver = Some(solver);
-                    State::Current
+                    None
                 }
-                Err(error) => State::Unusable(error),
+                Err(error) => Some(error),
             };
         }
-        match (&self.state, &mut self.solver) {
-            (State::Current, Some(solver)) => solver.solve(&sample.counts, &sample.states, &mut self.pose)?,
-            (State::Unusable(error), _) => return Err(error.clone().into()),
-            (State::Stale | State::Current, _) => return Err(SolveError::NoMapping),
+        if let Some(error) = &self.unusable {
+            return Err(error.clone().into());
         }
+        let solver = self.solver.as_mut().ok_or(SolveError::NoMapping)?;
+        solver.solve(&sample.counts, &sample.states, &mut self.pose)?;
         Ok(&self.pose)
     }
 }

@@ -9,7 +9,7 @@ use std::io;
 use armature_rig::{JointTree, Part, PartKind, PartUid, Pose};
 use armature_take::{
     EventKind, Header, PREAMBLE_BYTES, PayloadError, Problem, Record, RecordKind, Take, TakeError, TakeWriter,
-    WriteError,
+    WriteError, summarize,
 };
 use proptest::prelude::*;
 use support::{
@@ -74,6 +74,17 @@ fn a_take_reads_back_and_writes_the_same_bytes() {
     }
     assert_eq!(take.write(Vec::new()).unwrap(), bytes);
     assert_eq!(small_take(5), bytes);
+}
+
+#[test]
+fn a_summary_says_what_was_lost() {
+    let summary = summarize(&read(&small_take(5)));
+    assert_eq!((summary.samples, summary.poses, summary.lost_samples), (5, 5, 3));
+    assert_eq!((summary.crc_errors, summary.discarded_bytes, summary.restarts, summary.reconnects), (2, 90, 0, 0));
+    assert!((summary.duration_seconds - 0.04).abs() < 1e-12);
+    assert!((summary.samples_per_second.unwrap() - 100.0).abs() < 1e-9);
+    assert_eq!(summary.markers, [(0.04, "gut so – nochmal".to_owned())]);
+    assert_eq!(summarize(&read(&small_take(1))).samples_per_second, None);
 }
 
 #[test]
