@@ -1,4 +1,4 @@
-/* Writes one frame of the Armature protocol. Public domain example; plain C99, no library, 64 bytes of table.
+/* Writes one frame of the Armature protocol. Plain C99, no library, 64 bytes of table.
  *
  *   size_t length = armature_frame(wire, 0x86, payload, payload_length);
  *   uart_write(wire, length);

@@ -145,3 +145,95 @@ fn bytes_lost_from_or_put_into_one_frame_are_caught() {
         }
     }
 }
+
+/// One step of the checksum's register, from its definition.
+fn step(register: u32, byte: u8) -> u32 {
+    (0..8).fold(register ^ u32::from(byte), |value, _| (value >> 1) ^ if value & 1 == 1 { 0xEDB8_8320 } else { 0 })
+}
+
+/// The four bytes that take the register from one state to another.
+fn bytes_between(mut from: u32, mut to: u32) -> [u8; 4] {
+    let mut indices = [0; 4];
+    for index in indices.iter_mut().rev() {
+        let found = (0..=255).find(|&byte| step(0, byte) >> 24 == to >> 24).expect("the high bytes are all different");
+        *index = found;
+        to = (to ^ step(0, found)) << 8;
+    }
+    indices.map(|index| {
+        let byte = index ^ from as u8;
+        from = step(from, byte);
+        byte
+    })
+}
+
+fn wire(stuffed: &[u8]) -> Vec<u8> {
+    let length = seven_bits::<2>(stuffed.len() as u32);
+    let covered = [&length, stuffed, &length].concat();
+    let sum = !covered.iter().fold(u32::MAX, |register, &byte| step(register, byte));
+    [covered.as_slice(), &seven_bits::<5>(sum), &[0]].concat()
+}
+
+fn seven_bits<const N: usize>(value: u32) -> [u8; N] {
+    std::array::from_fn(|at| 0x80 | (value >> (7 * at)) as u8 & 0x7F)
+}
+
+fn checksum_errors_and_frames(stream: &[u8]) -> (u64, u64) {
+    let mut decoder = Decoder::new();
+    let mut bytes = stream;
+    while decoder.next_frame(&mut bytes).is_some() {}
+    (decoder.counters().checksum_errors, decoder.counters().frames)
+}
+
+/// The worst case of a forged delimiter: what is behind it begins with its own length, and the checksum of the whole
+/// frame is right for it too, because the register in front of it stands where it began.
+#[test]
+fn a_rear_piece_with_a_right_checksum_is_caught_by_its_rear_length() {
+    let tail_stuffed: Vec<u8> = std::iter::once(31).chain(1..31).collect();
+    let tail = [&seven_bits::<2>(31), tail_stuffed.as_slice()].concat();
+    let mut caught = 0;
+    for filler in 1..=255 {
+        let raw_length = 1 + 1 + 4 + 1 + tail.len();
+        let head = [raw_length as u8 + 1, 0x84, filler];
+        let length = seven_bits::<2>(raw_length as u32 + 1);
+        let register = length.iter().chain(&head).fold(u32::MAX, |register, &byte| step(register, byte));
+        let before_struck = (0..=u8::MAX).find(|&byte| step(0, byte) >> 24 == 0xFF).expect("a byte for it");
+        // Behind the struck byte (value 7) the register is to be all ones.
+        let wanted = (u32::MAX ^ step(0, before_struck)) << 8 | u32::from(before_struck ^ 7);
+        let forcing = bytes_between(register, wanted);
+        if forcing.contains(&0) {
+            continue;
+        }
+        let whole = wire(&[&head, forcing.as_slice(), &[7], &tail].concat());
+        assert_eq!(checksum_errors_and_frames(&[&[0], whole.as_slice()].concat()), (0, 1), "a good frame");
+        let struck_at = 2 + head.len() + 4;
+        let rear = &whole[struck_at + 1..];
+        let (covered, sum) = rear[..rear.len() - 1].split_at(rear.len() - 6);
+        let own_sum = !covered.iter().fold(u32::MAX, |register, &byte| step(register, byte));
+        assert_eq!(seven_bits::<5>(own_sum), sum, "the rear piece has a right checksum");
+        let mut struck = [&[0], whole.as_slice()].concat();
+        struck[1 + struck_at] ^= 7;
+        assert_eq!(checksum_errors_and_frames(&struck), (0, 0), "and is refused for its length");
+        caught += 1;
+    }
+    assert!(caught > 200);
+}
+
+/// The same for the piece in front of a forged delimiter: it ends with its own length and checksum.
+#[test]
+fn a_front_piece_with_a_right_checksum_is_caught_by_its_front_length() {
+    let front_stuffed = [4, 0x84, 1, 2];
+    let front_rear_length = seven_bits::<2>(front_stuffed.len() as u32);
+    // The first byte of the rear length is also the code byte of the run it begins.
+    let run_length = usize::from(front_rear_length[0]) - 1;
+    let stuffed_length = front_stuffed.len() + 1 + run_length;
+    let length = seven_bits::<2>(stuffed_length as u32);
+    let covered = [&length, front_stuffed.as_slice(), &front_rear_length].concat();
+    let sum = seven_bits::<5>(!covered.iter().fold(u32::MAX, |register, &byte| step(register, byte)));
+    let mut stuffed = [front_stuffed.as_slice(), &front_rear_length, &sum, &[7]].concat();
+    stuffed.resize(stuffed_length, 9);
+    let whole = wire(&stuffed);
+    assert_eq!(checksum_errors_and_frames(&[&[0], whole.as_slice()].concat()), (0, 1), "a good frame");
+    let mut struck = [&[0], whole.as_slice()].concat();
+    struck[1 + 2 + front_stuffed.len() + 2 + 5] ^= 7;
+    assert_eq!(checksum_errors_and_frames(&struck), (0, 0));
+}
