@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use armature_formats::{FormatError, write_bvh};
+use armature_formats::{FormatError, GlbClip, GlbMesh, GlbScene, write_bvh, write_glb};
+use armature_rig::Skeleton;
 
 use crate::{
     PackedPose, ReplayError, ReplaySummary, ResampleError, ResampleSettings, Resampled, Take, Timeline, TimelineReport,
@@ -37,6 +38,14 @@ pub enum ExportError {
     /// The samples cannot be solved again.
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    /// The surface to export with is bound to another skeleton than the take's.
+    #[error("the take was recorded with another skeleton ({difference}); export it with the character {character:?}")]
+    OtherSkeleton {
+        /// The take's character.
+        character: String,
+        /// The first difference.
+        difference: String,
+    },
     /// The format cannot hold it.
     #[error(transparent)]
     Format(#[from] FormatError),
@@ -95,4 +104,52 @@ pub fn export_bvh(
 ) -> Result<Exported<String>, ExportError> {
     let motion = take_motion(take, settings, progress)?;
     Ok(Exported { file: write_bvh(&motion.resampled.motion)?, motion })
+}
+
+/// The character that a take is exported with.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface<'a> {
+    /// The skeleton the mesh is bound to; it has to be the take's.
+    pub skeleton: &'a Skeleton,
+    /// The mesh and how it follows the bones.
+    pub mesh: GlbMesh<'a>,
+}
+
+/// A take as GLB: skeleton, animation `clip_name`, and the character's skinned mesh if a surface is given.
+pub fn export_glb(
+    take: &Take,
+    surface: Option<&Surface<'_>>,
+    clip_name: &str,
+    settings: &ExportSettings,
+    progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
+) -> Result<Exported<Vec<u8>>, ExportError> {
+    let character = &take.header().character_name;
+    if let (Some(surface), Some(skeleton)) = (surface, take.skeleton())
+        && let Some(difference) = difference(skeleton, surface.skeleton)
+    {
+        return Err(ExportError::OtherSkeleton { character: character.clone(), difference });
+    }
+    let motion = take_motion(take, settings, progress)?;
+    let clip = GlbClip::of_motion(clip_name, &motion.resampled.motion);
+    let scene = GlbScene {
+        name: if character.is_empty() { "character" } else { character },
+        skeleton: &motion.resampled.motion.skeleton,
+        mesh: surface.map(|surface| surface.mesh),
+        clips: vec![clip],
+    };
+    Ok(Exported { file: write_glb(&scene)?, motion })
+}
+
+fn difference(take: &Skeleton, given: &Skeleton) -> Option<String> {
+    if take.len() != given.len() {
+        return Some(format!("it has {} bones, the one given {}", take.len(), given.len()));
+    }
+    let pair = take.bones().iter().zip(given.bones()).find(|(a, b)| a != b);
+    pair.map(|(a, b)| {
+        if a.name == b.name {
+            format!("its bone {:?} rests differently", a.name)
+        } else {
+            format!("where it has the bone {:?}, the one given has {:?}", a.name, b.name)
+        }
+    })
 }

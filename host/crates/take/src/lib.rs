@@ -2,7 +2,8 @@
 //!
 //! A take holds raw samples with the device's own times, the puppet's topology, calibration and mapping, the
 //! character's skeleton, the solved poses to the last bit, and what was lost. From it every pose can be solved
-//! again ([`replay`], [`verify`]), brought to any rate ([`resample`]) and exported ([`export_bvh`]).
+//! again ([`replay`], [`verify`]), brought to any rate ([`resample`]) and exported
+//! ([`export_bvh`], [`export_glb`]).
 //!
 //! ```
 //! use armature_rig::{RawSample, SensorState};
@@ -93,7 +94,9 @@ mod writer;
 
 pub use device_clock::ClockRestart;
 pub use error::{PayloadError, TakeError, WriteError};
-pub use export::{ExportError, ExportSettings, Exported, PoseSource, TakeMotion, export_bvh, take_motion};
+pub use export::{
+    ExportError, ExportSettings, Exported, PoseSource, Surface, TakeMotion, export_bvh, export_glb, take_motion,
+};
 pub use frame::{MAGIC, MAJOR_VERSION, MAX_PAYLOAD_BYTES, MINOR_VERSION, PREAMBLE_BYTES, RECORD_OVERHEAD_BYTES};
 pub use packed_pose::PackedPose;
 pub use payload::MAX_PARTS;

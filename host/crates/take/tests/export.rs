@@ -5,11 +5,13 @@
 mod support;
 
 use std::ops::ControlFlow;
+use std::path::Path;
 
-use armature_formats::read_bvh;
+use armature_formats::{GlbMesh, read_bvh, read_model};
 use armature_rig::{Motion, Pose, Skeleton};
 use armature_take::{
-    ExportError, ExportSettings, PoseSource, ReplayError, ResampleSettings, Take, TakeWriter, export_bvh, take_motion,
+    ExportError, ExportSettings, Header, PoseSource, ReplayError, ResampleSettings, Surface, Take, TakeWriter,
+    export_bvh, export_glb, take_motion,
 };
 use glam::{Affine3A, Vec3};
 use support::{arm, arm_calibration, arm_mapping, arm_tree, header, raw, read};
@@ -94,4 +96,63 @@ fn without_a_skeleton_there_is_nothing_to_export() {
     assert_eq!(solved, Err(ExportError::Replay(ReplayError::NoSkeleton)));
     let cancelled = take_motion(&recorded(true), &ExportSettings::default(), &mut |_| ControlFlow::Break(()));
     assert!(matches!(cancelled, Err(ExportError::Resample(armature_take::ResampleError::Cancelled))));
+}
+
+fn shared_data(name: &str) -> Option<Vec<u8>> {
+    let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    let found = folders.map(|folder| folder.join("shared/data").join(name)).find(|path| path.exists());
+    if found.is_none() {
+        let required = std::env::var_os("ARMATURE_REQUIRE_SHARED_DATA").is_some();
+        assert!(!required, "shared/data/{name} is missing and ARMATURE_REQUIRE_SHARED_DATA is set");
+        println!("SKIPPED: there is no shared/data/{name} above this crate");
+    }
+    found.map(|path| std::fs::read(path).unwrap())
+}
+
+fn read_glb(bytes: &[u8]) -> armature_formats::Model {
+    read_model("a.glb", bytes, &|name| Err(format!("nothing beside it, not {name}"))).unwrap()
+}
+
+/// A real rigged animal: its own animation recorded as a take, exported with its mesh, read back.
+#[test]
+fn a_skinned_glb_gives_mesh_weights_and_motion_back() {
+    let Some(bytes) = shared_data("Fox.glb") else { return };
+    let fox = read_glb(&bytes);
+    let (skeleton, motion) = (&fox.rig.as_ref().unwrap().skeleton, &fox.motions[0].1);
+    let header = Header { character_name: "fox".into(), ..Header::default() };
+    let mut writer = TakeWriter::new(Vec::new(), &header).unwrap();
+    writer.skeleton(skeleton).unwrap();
+    for (n, pose) in motion.frames.iter().enumerate() {
+        let micros = 7_000_000 + (n as f64 * motion.frame_seconds * 1e6).round() as u64;
+        writer.pose(n as u32, micros, pose).unwrap();
+    }
+    let take = read(&writer.finish().unwrap());
+    let surface = Surface { skeleton, mesh: GlbMesh::of_model(&fox) };
+    let settings = settings(PoseSource::Recorded, 30.0);
+    let exported = export_glb(&take, Some(&surface), "run", &settings, &mut go_on).unwrap();
+    let back = read_glb(&exported.file);
+    let (name, back_motion) = &back.motions[0];
+    assert_eq!((name.as_str(), back.motions.len()), ("run", 1));
+    assert_eq!(back.mesh.triangles.len(), fox.mesh.triangles.len());
+    assert_eq!(back.rig.unwrap().skeleton.len(), skeleton.len());
+    assert!((back_motion.frame_seconds - 1.0 / 30.0).abs() < 1e-6, "{}", back_motion.frame_seconds);
+    let size = heads(skeleton, &skeleton.rest_pose()).iter().fold(0.0, |size, head| head.length().max(size));
+    let distance = largest_distance(&exported.motion.resampled.motion, back_motion);
+    assert!(distance < 1e-5 * size, "{distance} of {size}");
+
+    let refused = export_glb(&recorded(true), Some(&surface), "run", &settings, &mut go_on).unwrap_err();
+    assert!(refused.to_string().contains("export it with the character \"arm\""), "{refused}");
+}
+
+#[test]
+fn a_glb_without_a_surface_holds_skeleton_and_clip() {
+    let exported = export_glb(&recorded(true), None, "take 1", &settings(PoseSource::Recorded, 25.0), &mut go_on);
+    let file = exported.unwrap().file;
+    assert_eq!(file[..4], *b"glTF");
+    let json = String::from_utf8_lossy(&file);
+    for text in ["\"take 1\"", "\"upper\"", "\"hand\""] {
+        assert!(json.contains(text), "{text}");
+    }
+    let again = export_glb(&recorded(true), None, "take 1", &settings(PoseSource::Recorded, 25.0), &mut go_on);
+    assert_eq!(again.unwrap().file, file);
 }
