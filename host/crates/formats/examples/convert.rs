@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(input).parent().unwrap_or(Path::new("."));
     let beside = |name: &str| std::fs::read(folder.join(name)).map_err(|error| error.to_string());
 
-    let (model, motions) = if input.ends_with(".bvh") {
+    let (model, motions) = if is_bvh(input) {
         (None, vec![("motion".to_owned(), read_bvh(&bytes).map_err(|error| error.in_file(input))?)])
     } else {
         let model = read_model(input, &bytes, &beside)?;
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         (Some(model), motions)
     };
     let (name, first) = motions.first().ok_or("there is no motion in the file")?;
-    let written: &[(String, Motion)] = if output.ends_with(".bvh") {
+    let written: &[(String, Motion)] = if is_bvh(output) {
         std::fs::write(output, write_bvh(first)?)?;
         println!("{output}: {name}, {} bones, {} frames", first.skeleton.len(), first.frames.len());
         &motions[..1]
@@ -53,6 +53,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::fs::write(expected, serde_json::to_vec_pretty(&json!({ "bones": bones, "clips": clips }))?)?;
     }
     Ok(())
+}
+
+fn is_bvh(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh"))
 }
 
 /// Bone heads at the first, a middle and the last frame.

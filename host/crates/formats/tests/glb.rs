@@ -1,0 +1,227 @@
+//! What is written as GLB is read again, for characters that are awkward in every way.
+//!
+//! Where `ARMATURE_KEEP_EXPORTS` names a folder, the files stay there for `tests/validate_gltf.mjs`.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::float_cmp, reason = "texture coordinates are copied, not computed")]
+
+use armature_formats::{GlbClip, GlbMesh, GlbScene, GlbTimes, Model, Split, Texture, read_model, write_glb};
+use armature_geometry::{Influences, TriangleMesh};
+use armature_rig::{Bone, Pose, Skeleton, Transform};
+use glam::{EulerRot, Quat, Vec3};
+
+fn none(name: &str) -> Result<Vec<u8>, String> {
+    Err(format!("{name} is not there"))
+}
+
+/// The smallest PNG there is: one white pixel.
+const PIXEL: [u8; 67] = [
+    0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A, 0, 0, 0, 0x0D, 0x49, 0x48, 0x44, 0x52, 0, 0, 0, 1, 0, 0, 0, 1, 8,
+    0, 0, 0, 0, 0x3A, 0x7E, 0x9B, 0x55, 0, 0, 0, 0x0A, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9C, 0x63, 0xF8, 0x0F, 0, 1, 1,
+    1, 0, 0xB1, 0x38, 0xF6, 0x14, 0, 0, 0, 0, 0x49, 0x45, 0x4E, 0x44, 0xAE, 0x42, 0x60, 0x82,
+];
+
+/// A small deterministic stream of numbers in -1..1.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / 8_388_608.0 - 1.0
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.next(), self.next(), self.next())
+    }
+
+    fn rotation(&mut self) -> Quat {
+        Quat::from_euler(EulerRot::XYZ, 3.0 * self.next(), 3.0 * self.next(), 3.0 * self.next())
+    }
+}
+
+/// Bones with rest rotations and uniform scales, several roots, hubs, more than 256 of them if asked.
+fn skeleton(noise: &mut Noise, bones: usize) -> Skeleton {
+    let bones = (0..bones)
+        .map(|index| Bone {
+            name: format!("bone {index}"),
+            parent: if index % 40 == 0 { None } else { Some(index - 1 - index % 3 % index.min(2)) },
+            rest: Transform {
+                translation: if index % 7 == 3 { Vec3::ZERO } else { noise.vector() },
+                rotation: noise.rotation(),
+                scale: Vec3::splat(1.0 + 0.2 * noise.next()),
+            },
+            tail: noise.vector(),
+        })
+        .collect();
+    Skeleton::new(bones).unwrap()
+}
+
+/// A strip of triangles with a seam along its middle.
+fn surface(noise: &mut Noise, skeleton: &Skeleton, per_vertex: usize) -> (Model, Influences) {
+    let mesh = TriangleMesh {
+        vertices: (0..50).map(|_| noise.vector().as_dvec3().to_array()).collect(),
+        triangles: (0..48).map(|i| [i, i + 1, i + 2]).collect(),
+    };
+    let mut mesh_vertex: Vec<u32> = (0..50).collect();
+    mesh_vertex.extend(20..30);
+    let moved = |v: u32, t: usize| if t >= 24 && (20..30).contains(&v) { v + 30 } else { v };
+    let triangles: Vec<[u32; 3]> = mesh.triangles.iter().enumerate().map(|(t, c)| c.map(|v| moved(v, t))).collect();
+    // Corners that only one side uses would be dropped by a reader.
+    let used: Vec<u32> = (0..60).filter(|v| triangles.iter().flatten().any(|c| c == v)).collect();
+    let number = |v: u32| used.iter().position(|u| *u == v).unwrap() as u32;
+    let split = Split {
+        mesh_vertex: used.iter().map(|&v| mesh_vertex[v as usize]).collect(),
+        triangles: triangles.iter().map(|t| t.map(number)).collect(),
+    };
+    let drawn = split.mesh_vertex.len();
+    let bones: Vec<u16> = (0..50 * per_vertex).map(|k| (k * 7 % skeleton.len()) as u16).collect();
+    let weights: Vec<f32> = (0..50 * per_vertex).map(|_| noise.next().abs() + 0.01).collect();
+    let model = Model {
+        name: "awkward".to_owned(),
+        mesh,
+        split: Some(split),
+        normals: Some((0..drawn).map(|_| noise.vector().normalize().to_array()).collect()),
+        texture_coordinates: Some((0..drawn).map(|_| [noise.next(), noise.next()]).collect()),
+        base_color: Some([0.25, 0.5, 0.75, 1.0]),
+        texture: Some(Texture { mime: "image/png".to_owned(), bytes: PIXEL.to_vec() }),
+        ..Model::default()
+    };
+    (model, Influences::new(per_vertex, bones, weights, skeleton.len()).unwrap())
+}
+
+fn keep(name: &str, bytes: &[u8]) {
+    if let Some(folder) = std::env::var_os("ARMATURE_KEEP_EXPORTS") {
+        std::fs::write(std::path::Path::new(&folder).join(name), bytes).unwrap();
+    }
+}
+
+#[test]
+fn awkward_characters_come_back() {
+    for (bones, per_vertex) in [(1, 1), (9, 4), (100, 8), (300, 5)] {
+        let mut noise = Noise(bones as u64);
+        let skeleton = skeleton(&mut noise, bones);
+        let (model, influences) = surface(&mut noise, &skeleton, per_vertex);
+        let poses: Vec<Pose> = (0..5)
+            .map(|_| {
+                let mut pose = skeleton.rest_pose();
+                for local in pose.parent_from_bone.iter_mut().step_by(2) {
+                    local.rotation = (local.rotation * noise.rotation()).normalize();
+                    local.translation += noise.vector();
+                }
+                pose
+            })
+            .collect();
+        // Seconds that are all multiples of an eightieth, so that a reader's even frames meet every key.
+        let times = [0.0, 0.0125, 0.05, 0.0875, 0.1];
+        let clips = vec![
+            GlbClip { name: "uneven", times: GlbTimes::At(&times), poses: &poses },
+            GlbClip { name: "even", times: GlbTimes::EverySeconds(0.04), poses: &poses },
+            GlbClip { name: "one", times: GlbTimes::EverySeconds(0.04), poses: &poses[..1] },
+        ];
+        let mesh = GlbMesh { influences: Some(&influences), ..GlbMesh::of_model(&model) };
+        let scene = GlbScene { name: "awkward", skeleton: &skeleton, mesh: Some(mesh), clips };
+        let bytes = write_glb(&scene).unwrap();
+        keep(&format!("awkward-{bones}.glb"), &bytes);
+
+        let again = read_model("awkward.glb", &bytes, &none).unwrap();
+        assert!(again.warnings.is_empty(), "{:?}", again.warnings);
+        assert_eq!(again.name, "awkward");
+        compare_surface(&model, &again);
+        compare_rig(&skeleton, &influences, &model, &again);
+        let names: Vec<&str> = again.motions.iter().map(|(n, _)| n.as_str()).collect();
+        assert_eq!(names, ["uneven", "even", "one"]);
+        let keys = [vec![0, 1, 4, 7, 8], vec![0, 1, 2, 3, 4], vec![0]];
+        for ((_, motion), keys) in again.motions.iter().zip(keys) {
+            assert_eq!(motion.frames.len(), keys.last().unwrap() + 1);
+            for (pose, key) in poses.iter().zip(keys) {
+                compare_pose(&skeleton, &motion.skeleton, pose, &motion.frames[key]);
+            }
+        }
+    }
+}
+
+fn compare_surface(model: &Model, again: &Model) {
+    assert_eq!(again.base_color, model.base_color);
+    assert_eq!(again.texture, model.texture);
+    let (a, b) = (model.split_at_seams(), again.split_at_seams());
+    assert_eq!(a.mesh.triangles.len(), b.mesh.triangles.len());
+    for (s, t) in a.mesh.triangles.iter().flatten().zip(b.mesh.triangles.iter().flatten()) {
+        let (s, t) = (*s as usize, *t as usize);
+        let (p, q) = (glam::DVec3::from(a.mesh.vertices[s]), glam::DVec3::from(b.mesh.vertices[t]));
+        assert!(p.distance(q) < 1e-4, "{p} {q}");
+        let normal = |m: &Model, v: usize| Vec3::from(m.normals.as_ref().unwrap()[v]);
+        assert!(normal(&a, s).distance(normal(&b, t)) < 1e-4);
+        assert_eq!(a.texture_coordinates.as_ref().unwrap()[s], b.texture_coordinates.as_ref().unwrap()[t]);
+    }
+}
+
+fn compare_rig(skeleton: &Skeleton, influences: &Influences, model: &Model, again: &Model) {
+    let rig = again.rig.as_ref().unwrap();
+    assert_eq!(rig.skeleton.len(), skeleton.len());
+    let worlds = (skeleton.rest_model_from_bone(), rig.skeleton.rest_model_from_bone());
+    for (index, bone) in skeleton.bones().iter().enumerate() {
+        let theirs = rig.skeleton.find(&bone.name).unwrap();
+        assert!(worlds.0[index].abs_diff_eq(worlds.1[theirs], 1e-3), "{}", bone.name);
+    }
+    let (s, t) = (model.mesh.triangles[0][0] as usize, again.mesh.triangles[0][0] as usize);
+    let row = |skeleton: &Skeleton, influences: &Influences, v: usize| -> Vec<(String, f32)> {
+        influences.of_vertex(v).map(|(b, w)| (skeleton.bones()[usize::from(b)].name.clone(), w)).collect()
+    };
+    for ((a, w), (b, x)) in row(skeleton, influences, s).into_iter().zip(row(&rig.skeleton, &rig.influences, t)) {
+        assert!(a == b && (w - x).abs() < 1e-6, "{a} {w} {b} {x}");
+    }
+}
+
+fn compare_pose(ours: &Skeleton, theirs: &Skeleton, a: &Pose, b: &Pose) {
+    for (index, bone) in ours.bones().iter().enumerate() {
+        let other = theirs.find(&bone.name).unwrap();
+        let (a, b) = (a.parent_from_bone[index], b.parent_from_bone[other]);
+        assert!(a.translation.distance(b.translation) < 1e-4, "{}", bone.name);
+        assert!(a.rotation.dot(b.rotation).abs() > 1.0 - 1e-5, "{}: {} {}", bone.name, a.rotation, b.rotation);
+        assert!(a.scale.distance(b.scale) < 1e-4);
+    }
+}
+
+#[test]
+fn a_mesh_without_bones_and_bones_without_a_mesh() {
+    let mut noise = Noise(3);
+    let bones = skeleton(&mut noise, 4);
+    let (model, _) = surface(&mut noise, &bones, 1);
+    let empty = Skeleton::default();
+    let scene = GlbScene { name: "still", skeleton: &empty, mesh: Some(GlbMesh::of_model(&model)), clips: Vec::new() };
+    let bytes = write_glb(&scene).unwrap();
+    keep("still.glb", &bytes);
+    let again = read_model("still.glb", &bytes, &none).unwrap();
+    compare_surface(&model, &again);
+    assert!(again.rig.is_none());
+
+    let poses = [bones.rest_pose(), bones.rest_pose()];
+    let clips = vec![GlbClip { name: "rest", times: GlbTimes::EverySeconds(0.5), poses: &poses }];
+    let bytes = write_glb(&GlbScene { name: "bones", skeleton: &bones, mesh: None, clips }).unwrap();
+    keep("bones.glb", &bytes);
+    assert!(read_model("bones.glb", &bytes, &none).is_err());
+}
+
+#[test]
+fn nonsense_is_named() {
+    let mut noise = Noise(5);
+    let bones = skeleton(&mut noise, 4);
+    let (model, influences) = surface(&mut noise, &bones, 1);
+    let mesh = GlbMesh { influences: Some(&influences), ..GlbMesh::of_model(&model) };
+    let write = |mesh, clips| write_glb(&GlbScene { name: "x", skeleton: &bones, mesh: Some(mesh), clips });
+    assert!(write(mesh, Vec::new()).is_ok());
+    assert!(write(GlbMesh { influences: None, ..mesh }, Vec::new()).is_err());
+    assert!(write(GlbMesh { split: None, ..mesh }, Vec::new()).is_err());
+    assert!(write(GlbMesh { normals: Some(&[[0.0; 3]]), ..mesh }, Vec::new()).is_err());
+    let mut bad = model.mesh.clone();
+    bad.vertices[0][0] = 1e300;
+    assert!(write(GlbMesh { mesh: &bad, ..mesh }, Vec::new()).is_err());
+    let short = [Pose::default()];
+    assert!(write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &short }]).is_err());
+    assert!(write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &[] }]).is_err());
+    let mut nan = [bones.rest_pose()];
+    nan[0].parent_from_bone[0].translation.x = f32::NAN;
+    assert!(write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &nan }]).is_err());
+    let scene = GlbScene { name: "x", skeleton: &Skeleton::default(), mesh: None, clips: Vec::new() };
+    assert!(write_glb(&scene).is_err());
+}
