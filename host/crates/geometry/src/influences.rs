@@ -85,6 +85,20 @@ impl Influences {
         Ok(Self { per_vertex, bones, weights })
     }
 
+    /// Takes influences as [`bones`](Self::bones) and [`weights`](Self::weights) gave them (heaviest first, summing
+    /// to one within 1e-5), bit for bit: what a file kept comes back the same. Anything else goes through
+    /// [`new`](Self::new).
+    pub fn restore(
+        per_vertex: usize,
+        bones: Vec<u16>,
+        weights: Vec<f32>,
+        bone_count: usize,
+    ) -> Result<Self, InfluencesError> {
+        let checked = Self::new(per_vertex, bones.clone(), weights.clone(), bone_count)?;
+        let same = checked.weights.iter().zip(&weights).all(|(new, kept)| (new - kept).abs() < 1e-5);
+        Ok(if same && checked.bones == bones { Self { per_vertex, bones, weights } } else { checked })
+    }
+
     /// Influences a vertex, used or not.
     pub fn per_vertex(&self) -> usize {
         self.per_vertex

@@ -1,0 +1,69 @@
+//! The name of a cached character: a fingerprint of everything that went into it.
+
+use std::fmt;
+
+use armature_weights::Visibility;
+
+use crate::BindSettings;
+use crate::cache::FORMAT_VERSION;
+
+/// A BLAKE3 hash; printed as 64 hexadecimal digits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct CacheKey([u8; 32]);
+
+impl fmt::Display for CacheKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// The key of the character that `files` (every file that went in: the mesh, its materials and textures, the
+/// skeleton; always in the same order) and `settings` make. Another version of the cache format gives other keys.
+pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(b"armature character");
+    hasher.update(&FORMAT_VERSION.to_le_bytes());
+    hasher.update(&(files.len() as u64).to_le_bytes());
+    for file in files {
+        hasher.update(&(file.len() as u64).to_le_bytes());
+        hasher.update(file);
+    }
+    // Taken apart by name, so that a new setting cannot be forgotten here.
+    let BindSettings { replace_rig, max_influences, heat } = settings;
+    let armature_weights::BoneHeatSettings { heat, tie_ratio, weld_ratio, visibility } = heat;
+    let visibility = match visibility {
+        Visibility::Inside => 0,
+        Visibility::Ignored => 1,
+    };
+    hasher.update(&[u8::from(*replace_rig), visibility]);
+    hasher.update(&(*max_influences as u64).to_le_bytes());
+    for number in [heat, tie_ratio, weld_ratio] {
+        hasher.update(&number.to_le_bytes());
+    }
+    CacheKey(*hasher.finalize().as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_input_changes_the_key() {
+        let plain = BindSettings::default();
+        let mut other = BindSettings::default();
+        other.heat.heat = 0.22;
+        let keys = [
+            cache_key(&[b"mesh", b"bones"], &plain),
+            cache_key(&[b"meshb", b"ones"], &plain),
+            cache_key(&[b"meshbones"], &plain),
+            cache_key(&[b"mesh", b"bones", b""], &plain),
+            cache_key(&[b"mesh", b"bones"], &other),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { max_influences: 8, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { replace_rig: true, ..plain.clone() }),
+        ];
+        let distinct: std::collections::BTreeSet<_> = keys.iter().map(ToString::to_string).collect();
+        assert_eq!(distinct.len(), keys.len());
+        assert_eq!(keys[0], cache_key(&[b"mesh", b"bones"], &plain));
+        assert_eq!(keys[0].to_string().len(), 64);
+    }
+}

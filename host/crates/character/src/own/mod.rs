@@ -1,0 +1,53 @@
+//! Characters the program makes itself, so that it ships no foreign model.
+
+mod bones;
+mod field;
+mod figure;
+mod hand;
+mod human;
+mod polygonise;
+mod remesh;
+mod spider;
+mod surface;
+
+use std::ops::ControlFlow;
+
+use armature_formats::Model;
+use armature_rig::{Skeleton, SkeletonError};
+
+use crate::{BindError, BindSettings, Character, Provenance, bind};
+
+use field::Field;
+use figure::{Detail, figure};
+
+/// A human figure in a T-pose, 1.75 units tall, with the bone names of Unity's `HumanBodyBones` (and VMC).
+pub fn human() -> Result<Character, BindError> {
+    make("human", &human::field(), human::DETAIL, human::skeleton(), [0.62, 0.36, 0.23, 1.0])
+}
+
+/// A spider with eight legs of three segments, about 1.2 units wide.
+pub fn spider() -> Result<Character, BindError> {
+    make("spider", &spider::field(), spider::DETAIL, spider::skeleton(), [0.17, 0.15, 0.21, 1.0])
+}
+
+/// A left hand with a stub of a forearm, 1 unit tall: fingers up, palm towards +Z.
+pub fn hand() -> Result<Character, BindError> {
+    make("hand", &hand::field(), hand::DETAIL, hand::skeleton(), [0.62, 0.40, 0.27, 1.0])
+}
+
+fn make(
+    name: &str,
+    field: &Field,
+    detail: Detail,
+    skeleton: Result<Skeleton, SkeletonError>,
+    base_color: [f32; 4],
+) -> Result<Character, BindError> {
+    let (mesh, normals) = figure(field, detail);
+    let model =
+        Model { name: name.to_owned(), mesh, normals: Some(normals), base_color: Some(base_color), ..Model::default() };
+    let mut character = bind(model, Some(skeleton?), &BindSettings::default(), &mut |_| ControlFlow::Continue(()))?;
+    if let Provenance::BoneHeat(record) = character.provenance {
+        character.provenance = Provenance::Generated(record);
+    }
+    Ok(character)
+}
