@@ -99,11 +99,12 @@ impl TriangleHierarchy {
     /// whether it did.
     fn visit_segment(&self, from: [f64; 3], to: [f64; 3], mut visit: impl FnMut(SegmentHit) -> Option<f64>) -> bool {
         let (from, direction) = (DVec3::from(from), DVec3::from(to) - DVec3::from(from));
+        let inverse = direction.recip();
         let mut stack = Vec::with_capacity(64);
         stack.push(0_u32);
         while let Some(index) = stack.pop() {
             let Some(node) = self.nodes.get(index as usize) else { continue };
-            if !segment_meets_box(from, direction, node) {
+            if !segment_meets_box(from, inverse, node) {
                 continue;
             }
             if node.count == 0 {
@@ -241,18 +242,18 @@ fn best_bucket(items: &[Item], bucket_of: impl Fn(&Item) -> usize) -> Option<usi
     best.map(|(bucket, _)| bucket)
 }
 
-fn segment_meets_box(from: DVec3, direction: DVec3, node: &Node) -> bool {
+fn segment_meets_box(from: DVec3, inverse: DVec3, node: &Node) -> bool {
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for axis in 0..3 {
-        if direction[axis] == 0.0 {
+        // Square to the axis, where 0·∞ would be no number.
+        if inverse[axis].is_infinite() {
             if from[axis] < node.low[axis] || from[axis] > node.high[axis] {
                 return false;
             }
             continue;
         }
-        let inverse = 1.0 / direction[axis];
-        let a = (node.low[axis] - from[axis]) * inverse;
-        let b = (node.high[axis] - from[axis]) * inverse;
+        let a = (node.low[axis] - from[axis]) * inverse[axis];
+        let b = (node.high[axis] - from[axis]) * inverse[axis];
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }

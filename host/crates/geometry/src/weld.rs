@@ -40,31 +40,33 @@ fn weld_equal(vertices: &[[f64; 3]], weld: &mut Weld) {
     }
 }
 
+/// Width of a search cell in welding distances: wide enough that most vertices have to look into one cell only,
+/// narrow enough that a cell holds few representatives.
+const CELL: f64 = 8.0;
+
 fn weld_within(vertices: &[[f64; 3]], distance: f64, weld: &mut Weld) {
-    // Cells twice the distance wide: whatever is near enough lies in the cell or one of its neighbours.
-    let cell_of = |v: &[f64; 3]| v.map(|c| (c / (2.0 * distance)).floor() as i64);
+    let cell_at = |c: f64| (c / (CELL * distance)).floor() as i64;
     let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::with_capacity(vertices.len());
     for (index, vertex) in vertices.iter().enumerate() {
-        let cell = cell_of(vertex);
-        let found = neighbourhood(cell)
-            .filter_map(|near| cells.get(&near))
-            .flatten()
-            .copied()
-            .filter(|&welded| {
-                let other = vertices[weld.representative[welded as usize] as usize];
-                DVec3::from(other).distance(DVec3::from(*vertex)) <= distance
-            })
-            .min();
+        let (low, high) = (vertex.map(|c| cell_at(c - distance)), vertex.map(|c| cell_at(c + distance)));
+        let mut found: Option<u32> = None;
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                for z in low[2]..=high[2] {
+                    let near = cells.get(&[x, y, z]).into_iter().flatten().copied().filter(|&welded| {
+                        let other = vertices[weld.representative[welded as usize] as usize];
+                        DVec3::from(other).distance(DVec3::from(*vertex)) <= distance
+                    });
+                    found = found.into_iter().chain(near).min();
+                }
+            }
+        }
         let welded = found.unwrap_or(weld.representative.len() as u32);
         if found.is_none() {
-            cells.entry(cell).or_default().push(welded);
+            cells.entry(vertex.map(cell_at)).or_default().push(welded);
         }
         weld.join(index, welded);
     }
-}
-
-fn neighbourhood([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
-    (0..27).map(move |k| [x.saturating_add(k % 3 - 1), y.saturating_add(k / 3 % 3 - 1), z.saturating_add(k / 9 - 1)])
 }
 
 impl Weld {

@@ -6,6 +6,7 @@ use armature_geometry::{
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::BoneHeatSettings;
 use crate::heat_surface::HeatSurface;
 
 /// A bone as a line segment in the mesh's space and unit. Head and tail at one place make a point handle.
@@ -51,36 +52,47 @@ pub(crate) struct Nearest {
     pub(crate) visible: Vec<u16>,
 }
 
-/// Bones of every vertex of the surface. `bones` are in the surface's scale; bones whose distances agree within
-/// the fraction `tie` are equally near.
+/// Vertices between two reports of progress.
+const ROUND: usize = 1 << 14;
+
+/// Bones of every vertex of the surface; `bones` are in the surface's scale. `between` hears the fraction done now and
+/// then and may stop the search by returning `false`; what is found until then comes back.
 pub(crate) fn nearest_bones(
     surface: &HeatSurface,
     bones: &[(DVec3, DVec3)],
-    tie: f64,
-    visibility: Visibility,
+    settings: &BoneHeatSettings,
+    mut between: impl FnMut(f64) -> bool,
 ) -> Result<Vec<Nearest>, MeshError> {
     let vertices = &surface.mesh.vertices;
+    let mut found = Vec::with_capacity(vertices.len());
+    if !between(0.0) {
+        return Ok(found);
+    }
     // A mesh whose triangles have all collapsed has no wall to hide behind.
-    let walls = match visibility {
+    let walls = match settings.visibility {
         Visibility::Inside if !surface.mesh.triangles.is_empty() => Some(Walls::new(surface)?),
         _ => None,
     };
-    Ok(vertices
-        .par_iter()
-        .enumerate()
-        .map(|(vertex, &position)| {
-            let position = DVec3::from(position);
-            let mut nearest = equally_near(position, bones, tie);
-            nearest.visible = nearest.bones.clone();
-            if let Some(walls) = &walls {
-                nearest.visible.retain(|&bone| {
-                    let (head, tail) = bones[usize::from(bone)];
-                    walls.let_through(vertex, position, closest_on_segment(position, head, tail))
-                });
-            }
-            nearest
-        })
-        .collect())
+    let bones_of = |vertex: usize| {
+        let position = DVec3::from(vertices[vertex]);
+        let mut nearest = equally_near(position, bones, settings.tie_ratio);
+        nearest.visible = nearest.bones.clone();
+        if let Some(walls) = &walls {
+            nearest.visible.retain(|&bone| {
+                let (head, tail) = bones[usize::from(bone)];
+                walls.let_through(vertex, position, closest_on_segment(position, head, tail))
+            });
+        }
+        nearest
+    };
+    while found.len() < vertices.len() {
+        let round = found.len()..vertices.len().min(found.len() + ROUND);
+        found.par_extend(round.into_par_iter().map(bones_of));
+        if !between(found.len() as f64 / vertices.len() as f64) {
+            break;
+        }
+    }
+    Ok(found)
 }
 
 fn equally_near(position: DVec3, bones: &[(DVec3, DVec3)], tie: f64) -> Nearest {

@@ -7,6 +7,7 @@ mod bone_heat;
 mod cholesky;
 mod heat_sources;
 mod heat_surface;
+mod heat_system;
 mod progress;
 mod sparsify;
 mod weight_matrix;
