@@ -103,7 +103,7 @@ impl PropertyAccess for Skipped {
 /// Reads vertices and polygons; other elements and properties are skipped. Where vertices carry normals or texture
 /// coordinates, those at one place are one vertex of the mesh.
 pub(crate) fn read_ply(file: &str, bytes: &[u8]) -> Result<Model, FormatError> {
-    let bytes = readable_header(bytes);
+    let bytes = readable(bytes);
     let mut reader = Reader::new(Cursor::new(bytes.as_ref()));
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(|error| {
         let line = error.line().unwrap_or(1);
@@ -121,14 +121,34 @@ pub(crate) fn read_ply(file: &str, bytes: &[u8]) -> Result<Model, FormatError> {
     build(file, &header, &vertices, &faces)
 }
 
-/// The header as UTF-8: comments may be in any encoding.
-fn readable_header(bytes: &[u8]) -> Cow<'_, [u8]> {
+/// The file as the crate wants it: the header in UTF-8, though its comments may be in any encoding, and numbers with
+/// digits on both sides of the point. Lines stay where they are.
+fn readable(bytes: &[u8]) -> Cow<'_, [u8]> {
     const END: &[u8] = b"end_header";
     let end = bytes.windows(END.len()).position(|w| w == END).unwrap_or(bytes.len());
-    match std::str::from_utf8(&bytes[..end]) {
-        Ok(_) => Cow::Borrowed(bytes),
-        Err(_) => Cow::Owned([String::from_utf8_lossy(&bytes[..end]).as_bytes(), &bytes[end..]].concat()),
+    let (header, payload) = bytes.split_at(end);
+    let header = String::from_utf8_lossy(header);
+    let is_text = header.lines().any(|line| line.trim_start().starts_with("format ascii"));
+    let bare_point = |w: &[u8]| w[1] == b'.' && !(w[0].is_ascii_digit() && w[2].is_ascii_digit());
+    let rewrite = is_text && (payload.windows(3).any(bare_point) || payload.ends_with(b"."));
+    match (&header, rewrite) {
+        (Cow::Borrowed(_), false) => Cow::Borrowed(bytes),
+        (_, false) => Cow::Owned([header.as_bytes(), payload].concat()),
+        (_, true) => {
+            let payload = String::from_utf8_lossy(payload);
+            let lines: Vec<String> = payload.split('\n').map(whole_numbers).collect();
+            Cow::Owned([header.as_bytes(), lines.join("\n").as_bytes()].concat())
+        }
     }
+}
+
+/// The line with numbers like `1.` and `-.5e3` written out.
+fn whole_numbers(line: &str) -> String {
+    let whole = |word: &str| match word.parse::<f64>() {
+        Ok(value) if word.contains('.') && value.is_finite() => value.to_string(),
+        _ => word.to_owned(),
+    };
+    line.split_whitespace().map(whole).collect::<Vec<_>>().join(" ")
 }
 
 fn check_header(file: &str, header: &Header) -> Result<(), FormatError> {
@@ -298,6 +318,8 @@ mod tests {
         assert_eq!(fails(&TEXT.replace("3 3 1 2", "3 4 1 2")).place, Place::Whole);
         assert_eq!(fails(&TEXT.replace("3 3 1 2", "3 -1 1 2")).place, Place::Whole);
         assert!(fails(&TEXT.replace("vertex_indices", "tristrips")).what.contains("no faces"));
+        let odd = TEXT.replace("1 1 0 1 1", "1. +1.0e0 -.0 .1e1 1.e0");
+        assert_eq!(read_ply("", odd.as_bytes()).unwrap().mesh, read_ply("", TEXT.as_bytes()).unwrap().mesh);
         let bytes = binary(false);
         for end in 0..bytes.len() {
             assert!(read_ply("", &bytes[..end]).is_err(), "{end}");

@@ -1,7 +1,7 @@
 //! Polygons to triangles.
 
-/// Most corners of a polygon that is not convex: the method is quadratic.
-pub(crate) const MAX_CONCAVE_CORNERS: usize = 4096;
+/// Most corners of a polygon that is not convex: looking for ears takes up to cubic time.
+pub(crate) const MAX_CONCAVE_CORNERS: usize = 1024;
 
 /// Splits a polygon, given by its corners' positions in order, into triangles over corner numbers, which keep its
 /// orientation. Convex polygons become fans; others lose ears one by one, in the plane of the polygon's mean normal

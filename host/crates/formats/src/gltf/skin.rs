@@ -105,7 +105,11 @@ fn scene_from_bind(nodes: &Nodes, joints: &[usize], binds: &[DAffine3]) -> DAffi
     if same && frame.matrix3.determinant().abs() > 0.0 {
         return frame;
     }
-    let top = nodes.order.iter().copied().find(|n| joints.contains(n));
+    let mut is_joint = vec![false; nodes.parent.len()];
+    for &joint in joints {
+        is_joint[joint] = true;
+    }
+    let top = nodes.order.iter().copied().find(|&n| is_joint[n]);
     let above = top.and_then(|n| nodes.parent[n]).map_or(DAffine3::IDENTITY, |p| nodes.world[p]);
     if above.matrix3.determinant().abs() > 0.0 { above } else { DAffine3::IDENTITY }
 }
