@@ -223,10 +223,7 @@ pub fn link(wake: impl Fn() + Send + Sync + 'static) -> (AppLink, EngineLink) {
     let (command_sender, command_receiver) = mpsc::channel();
     let mailbox = Arc::new(Mailbox::default());
     let app = AppLink { commands: command_sender, mailbox: mailbox.clone() };
-    let engine = EngineLink {
-        outbox: EngineOutbox { mailbox, wake: Arc::new(wake) },
-        commands: command_receiver,
-    };
+    let engine = EngineLink { outbox: EngineOutbox { mailbox, wake: Arc::new(wake) }, commands: command_receiver };
     (app, engine)
 }
 

@@ -1,3 +1,65 @@
-//! The window: a pure state and a view of it.
+//! The window: a pure state ([`state`]), a view of it, and the contract with the engine ([`engine`]).
 
 pub mod engine;
+mod paint;
+pub mod state;
+mod theme;
+mod view;
+mod window;
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use eframe::egui;
+
+pub use self::window::{Start, Window};
+use engine::EngineLink;
+
+/// Why there is no window.
+#[derive(Debug, thiserror::Error)]
+pub enum WindowError {
+    /// No adapter, no display, or no window system.
+    #[error(
+        "the window could not be opened: {detail}. It needs a display and a graphics adapter (on Debian: apt install mesa-vulkan-drivers libvulkan1); without them, use `armature run` or `armature demo`"
+    )]
+    Open {
+        /// What eframe says.
+        detail: String,
+    },
+    /// The engine's thread ended in a panic.
+    #[error("the engine stopped unexpectedly; please report this with the lines printed above")]
+    EngineStopped,
+}
+
+/// Opens the window and returns when it is closed and the engine has ended.
+///
+/// `spawn_engine` starts the engine's thread; it has to end at [`engine::Command::Quit`].
+pub fn run(start: Start, spawn_engine: impl FnOnce(EngineLink) -> JoinHandle<()> + 'static) -> Result<(), WindowError> {
+    let thread: Arc<Mutex<Option<JoinHandle<()>>>> = Arc::default();
+    let slot = thread.clone();
+    let viewport = egui::ViewportBuilder::default()
+        .with_title("Armature")
+        .with_app_id("armature")
+        .with_inner_size([1280.0, 800.0])
+        .with_min_inner_size([900.0, 600.0])
+        .with_drag_and_drop(true);
+    let options = eframe::NativeOptions { viewport, ..eframe::NativeOptions::default() };
+    let opened = eframe::run_native(
+        "Armature",
+        options,
+        Box::new(move |context| {
+            let ctx = context.egui_ctx.clone();
+            let (app, engine) = engine::link(move || ctx.request_repaint());
+            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(spawn_engine(engine));
+            Ok(Box::new(Window::new(context, app, start)))
+        }),
+    );
+    // The window is gone and its end of the link with it, so the engine has been told to quit.
+    let engine = thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let joined = engine.map(JoinHandle::join);
+    opened.map_err(|error| WindowError::Open { detail: error.to_string() })?;
+    match joined {
+        Some(Err(_)) => Err(WindowError::EngineStopped),
+        Some(Ok(())) | None => Ok(()),
+    }
+}

@@ -1,0 +1,409 @@
+//! All that the window knows, and the one function that changes it when the engine speaks.
+//!
+//! No drawing, no clock, no file: tests drive it with a list of events.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use armature_rig::{JointAxis, JointTree, PartKind, PartUid, SensorState};
+
+use super::engine::{CharacterChoice, CharacterView, Command, EngineEvent, FoundDevice, Frame, Problem};
+
+/// Problems shown at once; older ones give way.
+const NOTICES_SHOWN: usize = 3;
+
+/// What the person at the window asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Connect to the address.
+    Connect(String),
+    /// Disconnect, or give up connecting.
+    Disconnect,
+    /// Disconnect if connected, else connect to the address in the field.
+    ToggleConnection,
+    /// Look for serial ports.
+    ListDevices,
+    /// Take zero.
+    Zero,
+    /// Start or stop a take.
+    ToggleRecording,
+    /// Show another character.
+    Load(CharacterChoice),
+    /// Let a part blink.
+    Blink(PartUid),
+    /// Select a part, or none.
+    Select(Option<usize>),
+    /// Show or hide the bones.
+    ToggleBones,
+    /// Give up the long work.
+    Cancel,
+    /// Close a problem's card.
+    DismissNotice(usize),
+    /// Close the card of the last take.
+    DismissSaved,
+}
+
+/// Whether there is a puppet.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Connection {
+    /// No.
+    #[default]
+    Off,
+    /// Soon.
+    Connecting {
+        /// Device address.
+        address: String,
+    },
+    /// Yes.
+    On {
+        /// Device address.
+        address: String,
+        /// What it calls itself.
+        device: String,
+    },
+}
+
+/// A problem on display.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Notice {
+    /// What and remedy.
+    pub problem: Problem,
+    /// How often it came.
+    pub count: u32,
+    /// Gone as soon as a new connection is tried.
+    about_connection: bool,
+}
+
+/// A finished take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SavedTake {
+    /// The file.
+    pub path: PathBuf,
+    /// Its length.
+    pub seconds: f64,
+    /// Samples in it.
+    pub samples: u64,
+    /// Samples that never arrived.
+    pub lost: u64,
+}
+
+/// One line of the joint list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartRow {
+    /// Index into the joint tree.
+    pub part: usize,
+    /// How many splitters lie between it and the root: a limb stays one straight list.
+    pub depth: usize,
+}
+
+/// All that the window knows.
+#[derive(Debug)]
+pub struct State {
+    /// Whether there is a puppet.
+    pub connection: Connection,
+    /// The text in the address field.
+    pub address: String,
+    /// Serial ports found.
+    pub devices: Vec<FoundDevice>,
+    /// The puppet.
+    pub tree: Option<Arc<JointTree>>,
+    /// Its parts in the order of the list.
+    pub rows: Vec<PartRow>,
+    /// Bone of every part; may be shorter than the tree.
+    pub bone_of_part: Vec<Option<usize>>,
+    /// The newest pose.
+    pub frame: Option<Box<Frame>>,
+    /// Grows with every frame.
+    pub frame_number: u64,
+    /// What is drawn.
+    pub character: Option<Arc<CharacterView>>,
+    /// Grows with every character.
+    pub character_number: u64,
+    /// What was asked for last.
+    pub choice: CharacterChoice,
+    /// Seconds and samples of the take that is being written.
+    pub recording: Option<(f64, u64)>,
+    /// The last take.
+    pub saved: Option<SavedTake>,
+    /// Good and unreadable sensors of the last zero.
+    pub zeroed: Option<(usize, usize)>,
+    /// Long work: what, and how much is done.
+    pub busy: Option<(String, Option<f32>)>,
+    /// Problems, newest last.
+    pub notices: Vec<Notice>,
+    /// Selected part.
+    pub selected: Option<usize>,
+    /// Whether bones are drawn.
+    pub show_bones: bool,
+}
+
+impl Default for State {
+    fn default() -> Self {
+        Self {
+            connection: Connection::Off,
+            address: "sim:human".into(),
+            devices: Vec::new(),
+            tree: None,
+            rows: Vec::new(),
+            bone_of_part: Vec::new(),
+            frame: None,
+            frame_number: 0,
+            character: None,
+            character_number: 0,
+            choice: CharacterChoice::Human,
+            recording: None,
+            saved: None,
+            zeroed: None,
+            busy: None,
+            notices: Vec::new(),
+            selected: None,
+            show_bones: true,
+        }
+    }
+}
+
+impl State {
+    /// Takes in one event. Returns the frame that is not shown any more, for reuse.
+    pub fn update_state(&mut self, event: EngineEvent) -> Option<Box<Frame>> {
+        match event {
+            EngineEvent::Frame(frame) => {
+                self.frame_number += 1;
+                return self.frame.replace(frame);
+            }
+            EngineEvent::Connecting { address } => {
+                self.notices.retain(|notice| !notice.about_connection);
+                self.forget_puppet();
+                self.connection = Connection::Connecting { address };
+            }
+            EngineEvent::Connected { address, device } => {
+                self.notices.retain(|notice| !notice.about_connection);
+                self.connection = Connection::On { address, device };
+            }
+            EngineEvent::Disconnected { problem } => {
+                self.forget_puppet();
+                self.connection = Connection::Off;
+                if let Some(problem) = problem {
+                    self.note(problem, true);
+                }
+            }
+            EngineEvent::Topology { tree } => {
+                self.rows = rows(&tree);
+                self.selected = self.selected_in(&tree);
+                self.tree = Some(tree);
+            }
+            EngineEvent::Mapping { bone_of_part } => self.bone_of_part = bone_of_part,
+            EngineEvent::Zeroed { sensors, unreadable } => self.zeroed = Some((sensors, unreadable)),
+            EngineEvent::Recording { seconds, samples } => {
+                self.saved = None;
+                self.recording = Some((seconds, samples));
+            }
+            EngineEvent::Saved { path, seconds, samples, lost } => {
+                self.recording = None;
+                self.saved = Some(SavedTake { path, seconds, samples, lost });
+            }
+            EngineEvent::CharacterLoaded(character) => {
+                self.busy = None;
+                self.bone_of_part.clear();
+                self.character = Some(character);
+                self.character_number += 1;
+                self.frame_number += 1;
+                return self.frame.take();
+            }
+            EngineEvent::Devices(devices) => self.devices = devices,
+            EngineEvent::Busy { task, fraction } => self.busy = Some((task, fraction)),
+            EngineEvent::Idle => self.busy = None,
+            EngineEvent::Problem(problem) => self.note(problem, false),
+        }
+        None
+    }
+
+    /// Does what was asked for as far as the window can, and returns what the engine has to do.
+    pub fn act(&mut self, action: Action) -> Option<Command> {
+        match action {
+            Action::Connect(address) => {
+                let address = address.trim().to_owned();
+                if address.is_empty() {
+                    return None;
+                }
+                self.address.clone_from(&address);
+                self.connection = Connection::Connecting { address: address.clone() };
+                self.notices.retain(|notice| !notice.about_connection);
+                Some(Command::Connect(address))
+            }
+            Action::ToggleConnection if self.connection == Connection::Off => {
+                self.act(Action::Connect(self.address.clone()))
+            }
+            Action::Disconnect | Action::ToggleConnection => {
+                (self.connection != Connection::Off).then_some(Command::Disconnect)
+            }
+            Action::ListDevices => Some(Command::ListDevices),
+            Action::Zero => self.is_live().then_some(Command::Zero),
+            Action::ToggleRecording if self.recording.is_some() => Some(Command::StopRecording),
+            Action::ToggleRecording => self.is_live().then_some(Command::StartRecording),
+            Action::Load(choice) => {
+                self.choice = choice.clone();
+                Some(Command::LoadCharacter(choice))
+            }
+            Action::Blink(uid) => self.is_live().then_some(Command::Blink(uid)),
+            Action::Cancel => self.busy.is_some().then_some(Command::Cancel),
+            Action::Select(part) => {
+                self.selected = part;
+                None
+            }
+            Action::ToggleBones => {
+                self.show_bones = !self.show_bones;
+                None
+            }
+            Action::DismissNotice(index) => {
+                if index < self.notices.len() {
+                    self.notices.remove(index);
+                }
+                None
+            }
+            Action::DismissSaved => {
+                self.saved = None;
+                None
+            }
+        }
+    }
+
+    /// The engine has ended: whatever is asked for now will not happen.
+    pub fn engine_is_gone(&mut self) {
+        self.forget_puppet();
+        self.connection = Connection::Off;
+        self.busy = None;
+        let problem = Problem {
+            what: "The engine of this program has stopped.".into(),
+            remedy: "Close the window and start armature again; takes are safe on disk.".into(),
+        };
+        self.note(problem, false);
+    }
+
+    /// Whether poses arrive.
+    pub fn is_live(&self) -> bool {
+        matches!(self.connection, Connection::On { .. }) && self.frame.is_some()
+    }
+
+    /// State and angle (radians, `None` without data) of a sensor.
+    pub fn reading(&self, sensor: usize) -> (SensorState, Option<f32>) {
+        let Some(frame) = &self.frame else { return (SensorState::NoData, None) };
+        let state = frame.states.get(sensor).copied().unwrap_or_default();
+        let angle = frame.angles.get(sensor).copied().filter(|angle| angle.is_finite());
+        if state == SensorState::NoData { (state, None) } else { (state, angle) }
+    }
+
+    /// The bone that follows a part.
+    pub fn bone(&self, part: usize) -> Option<usize> {
+        let bone = self.bone_of_part.get(part).copied().flatten()?;
+        (bone < self.character.as_ref()?.skeleton.len()).then_some(bone)
+    }
+
+    /// Name of the bone that follows a part.
+    pub fn bone_name(&self, part: usize) -> Option<&str> {
+        let bone = self.bone(part)?;
+        self.character.as_ref()?.skeleton.bones().get(bone).map(|bone| bone.name.as_str())
+    }
+
+    /// A part's name in the list: that of its bone, or what it is.
+    pub fn part_label(&self, part: usize) -> String {
+        if let Some(name) = self.bone_name(part) {
+            return name.to_owned();
+        }
+        self.tree
+            .as_ref()
+            .and_then(|tree| tree.parts().get(part))
+            .map_or_else(String::new, |part| kind_label(part.kind))
+    }
+
+    /// The parts that a bone follows.
+    pub fn part_of_bone(&self, bone: usize) -> Option<usize> {
+        self.bone_of_part.iter().position(|b| *b == Some(bone))
+    }
+
+    /// The worst state among a part's sensors; `Ok` for a part without sensors.
+    pub fn worst_state(&self, part: usize) -> SensorState {
+        let Some(tree) = &self.tree else { return SensorState::NoData };
+        let severity = |state: &SensorState| match state {
+            SensorState::Ok => 0,
+            SensorState::MagnetWeak => 1,
+            SensorState::Outlier => 2,
+            SensorState::NoData => 3,
+        };
+        tree.sensors(part).map(|sensor| self.reading(sensor).0).max_by_key(severity).unwrap_or(SensorState::Ok)
+    }
+
+    fn forget_puppet(&mut self) {
+        self.tree = None;
+        self.rows.clear();
+        self.bone_of_part.clear();
+        self.selected = None;
+        self.recording = None;
+        self.zeroed = None;
+    }
+
+    fn note(&mut self, problem: Problem, about_connection: bool) {
+        if let Some(index) = self.notices.iter().position(|notice| notice.problem == problem) {
+            let mut notice = self.notices.remove(index);
+            notice.count += 1;
+            self.notices.push(notice);
+            return;
+        }
+        self.notices.push(Notice { problem, count: 1, about_connection });
+        if self.notices.len() > NOTICES_SHOWN {
+            self.notices.remove(0);
+        }
+    }
+
+    /// The selected part keeps its number wherever it is plugged in now.
+    fn selected_in(&self, new: &JointTree) -> Option<usize> {
+        let part = self.tree.as_ref()?.parts().get(self.selected?)?;
+        new.find(part.uid)
+    }
+}
+
+/// What a part is, for people.
+pub fn kind_label(kind: PartKind) -> String {
+    match kind {
+        PartKind::Bend => "Bend joint".into(),
+        PartKind::Twist => "Twist joint".into(),
+        PartKind::TwistBendTwist => "Three-axis joint".into(),
+        PartKind::Splitter { outlets } => format!("Splitter, {outlets} outlets"),
+    }
+}
+
+/// What a sensor measures, for people.
+pub fn axis_label(axis: JointAxis) -> &'static str {
+    match axis {
+        JointAxis::Bend => "Bend",
+        JointAxis::Twist => "Twist",
+    }
+}
+
+/// What a sensor's state means, for people.
+pub fn state_label(state: SensorState) -> &'static str {
+    match state {
+        SensorState::Ok => "good",
+        SensorState::NoData => "no data",
+        SensorState::MagnetWeak => "weak magnet",
+        SensorState::Outlier => "outlier",
+    }
+}
+
+/// Every part after the one it is plugged into, limb by limb.
+fn rows(tree: &JointTree) -> Vec<PartRow> {
+    let mut rows = Vec::with_capacity(tree.parts().len());
+    let roots = (0..tree.parts().len()).filter(|&part| tree.parts()[part].parent.is_none());
+    let mut open: Vec<PartRow> = roots.map(|part| PartRow { part, depth: 0 }).collect();
+    open.reverse();
+    while let Some(row) = open.pop() {
+        rows.push(row);
+        let splits = matches!(tree.parts()[row.part].kind, PartKind::Splitter { .. });
+        let depth = row.depth + usize::from(splits);
+        open.extend(tree.children(row.part).into_iter().rev().map(|part| PartRow { part, depth }));
+    }
+    rows
+}
+
+#[cfg(test)]
+#[path = "state_tests.rs"]
+mod tests;

@@ -1,0 +1,136 @@
+use armature_rig::{Bone, Part, Skeleton, Transform};
+
+use super::*;
+use crate::app::engine::Stats;
+
+fn part(number: u8, kind: PartKind, parent: Option<usize>, outlet: u8) -> Part {
+    Part { uid: PartUid([number; 12]), kind, parent, outlet, counts_per_turn: 4096 }
+}
+
+/// A splitter with two limbs, of two joints and of one.
+fn puppet() -> Arc<JointTree> {
+    let parts = vec![
+        part(1, PartKind::Splitter { outlets: 2 }, None, 0),
+        part(2, PartKind::Bend, Some(0), 0),
+        part(3, PartKind::Twist, Some(0), 1),
+        part(4, PartKind::TwistBendTwist, Some(1), 0),
+    ];
+    Arc::new(JointTree::new(parts).unwrap())
+}
+
+fn problem(what: &str) -> Problem {
+    Problem { what: what.into(), remedy: "Try again.".into() }
+}
+
+fn connected() -> State {
+    let mut state = State::default();
+    state.update_state(EngineEvent::Connected { address: "sim:human".into(), device: "Simulator".into() });
+    state.update_state(EngineEvent::Topology { tree: puppet() });
+    state.update_state(EngineEvent::Frame(Box::new(Frame {
+        angles: vec![0.5, 1.0, f32::NAN, -0.25, 0.0],
+        states: vec![SensorState::Ok, SensorState::NoData, SensorState::Ok, SensorState::MagnetWeak, SensorState::Ok],
+        ..Frame::default()
+    })));
+    state
+}
+
+#[test]
+fn limbs_are_listed_one_after_the_other() {
+    let rows: Vec<_> = connected().rows.iter().map(|row| (row.part, row.depth)).collect();
+    assert_eq!(rows, [(0, 0), (1, 1), (3, 1), (2, 1)]);
+}
+
+#[test]
+fn readings_are_never_an_angle_without_data() {
+    let state = connected();
+    assert_eq!(state.reading(0), (SensorState::Ok, Some(0.5)));
+    assert_eq!(state.reading(1), (SensorState::NoData, None));
+    assert_eq!(state.reading(2), (SensorState::Ok, None));
+    assert_eq!(state.reading(99), (SensorState::NoData, None));
+    assert_eq!(state.worst_state(3), SensorState::MagnetWeak);
+    assert_eq!(state.worst_state(2), SensorState::NoData);
+    assert_eq!(state.worst_state(0), SensorState::Ok);
+}
+
+#[test]
+fn zero_and_record_need_a_live_puppet() {
+    let mut state = State::default();
+    assert_eq!(state.act(Action::Zero), None);
+    assert_eq!(state.act(Action::ToggleRecording), None);
+    let mut state = connected();
+    assert_eq!(state.act(Action::Zero), Some(Command::Zero));
+    assert_eq!(state.act(Action::ToggleRecording), Some(Command::StartRecording));
+    state.update_state(EngineEvent::Recording { seconds: 0.0, samples: 0 });
+    assert_eq!(state.act(Action::ToggleRecording), Some(Command::StopRecording));
+    state.update_state(EngineEvent::Saved { path: "a.take".into(), seconds: 2.0, samples: 800, lost: 0 });
+    assert_eq!((state.recording, state.saved.as_ref().map(|s| s.samples)), (None, Some(800)));
+}
+
+#[test]
+fn space_connects_and_disconnects() {
+    let mut state = State { address: "  sim:spider ".into(), ..State::default() };
+    assert_eq!(state.act(Action::ToggleConnection), Some(Command::Connect("sim:spider".into())));
+    assert_eq!(state.connection, Connection::Connecting { address: "sim:spider".into() });
+    assert_eq!(state.act(Action::ToggleConnection), Some(Command::Disconnect));
+    state.update_state(EngineEvent::Disconnected { problem: None });
+    state.address = " ".into();
+    assert_eq!(state.act(Action::ToggleConnection), None);
+}
+
+#[test]
+fn a_lost_puppet_leaves_the_character_and_a_remedy() {
+    let mut state = connected();
+    state.update_state(EngineEvent::CharacterLoaded(Arc::new(CharacterView::default())));
+    state.update_state(EngineEvent::Recording { seconds: 1.0, samples: 3 });
+    state.update_state(EngineEvent::Disconnected { problem: Some(problem("The cable was pulled.")) });
+    assert!(state.character.is_some() && state.tree.is_none() && state.recording.is_none());
+    assert_eq!(state.notices.len(), 1);
+    state.update_state(EngineEvent::Connected { address: "x".into(), device: "y".into() });
+    assert!(state.notices.is_empty(), "a new connection answers the old problem");
+}
+
+#[test]
+fn problems_are_counted_and_the_newest_stay() {
+    let mut state = State::default();
+    for what in ["a", "b", "a", "c", "d"] {
+        state.update_state(EngineEvent::Problem(problem(what)));
+    }
+    let shown: Vec<_> = state.notices.iter().map(|n| (n.problem.what.as_str(), n.count)).collect();
+    assert_eq!(shown, [("a", 2), ("c", 1), ("d", 1)]);
+    state.act(Action::DismissNotice(1));
+    state.act(Action::DismissNotice(17));
+    assert_eq!(state.notices.len(), 2);
+}
+
+#[test]
+fn the_selection_follows_the_part_through_replugging() {
+    let mut state = connected();
+    state.act(Action::Select(Some(3)));
+    let replugged = vec![part(4, PartKind::TwistBendTwist, None, 0), part(2, PartKind::Bend, Some(0), 0)];
+    state.update_state(EngineEvent::Topology { tree: Arc::new(JointTree::new(replugged).unwrap()) });
+    assert_eq!(state.selected, Some(0));
+    let gone = vec![part(2, PartKind::Bend, None, 0)];
+    state.update_state(EngineEvent::Topology { tree: Arc::new(JointTree::new(gone).unwrap()) });
+    assert_eq!(state.selected, None);
+}
+
+#[test]
+fn names_come_from_bones_where_there_are_any() {
+    let mut state = connected();
+    assert_eq!(state.part_label(1), "Bend joint");
+    let bone = Bone { name: "elbow".into(), parent: None, rest: Transform::IDENTITY, tail: glam::Vec3::Y };
+    let character = CharacterView { skeleton: Skeleton::new(vec![bone]).unwrap(), ..CharacterView::default() };
+    state.update_state(EngineEvent::CharacterLoaded(Arc::new(character)));
+    state.update_state(EngineEvent::Mapping { bone_of_part: vec![None, Some(0), Some(9)] });
+    assert_eq!((state.part_label(1).as_str(), state.part_of_bone(0)), ("elbow", Some(1)));
+    assert_eq!(state.part_label(2), "Twist joint", "a bone that is not there names nothing");
+}
+
+#[test]
+fn frames_are_handed_back_for_reuse() {
+    let mut state = connected();
+    let next = Frame { stats: Stats { samples: 7, ..Stats::default() }, ..Frame::default() };
+    let old = state.update_state(EngineEvent::Frame(Box::new(next))).unwrap();
+    assert_eq!(old.angles.len(), 5);
+    assert!(state.update_state(EngineEvent::CharacterLoaded(Arc::default())).is_some());
+}

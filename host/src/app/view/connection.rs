@@ -1,0 +1,107 @@
+//! The upper left: which puppet, and how to get one.
+
+use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
+
+use super::widgets;
+use crate::app::state::{Action, Connection, State};
+use crate::app::theme;
+
+const SIMULATED: [(&str, &str, &str); 3] = [
+    ("Human", "sim:human", "A simulated human puppet that walks and waves"),
+    ("Spider", "sim:spider", "A simulated spider with eight legs"),
+    ("Hand", "sim:hand", "A simulated hand with five fingers"),
+];
+
+/// Name of the program and whether there is a puppet.
+pub(super) fn header(ui: &mut Ui, state: &State) {
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Armature").size(19.0).strong());
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| match &state.connection {
+            Connection::Off => widgets::pill(ui, "Not connected", theme::QUIET),
+            Connection::Connecting { .. } => widgets::pill(ui, "Connecting", theme::AMBER),
+            Connection::On { .. } if state.is_live() => widgets::pill(ui, "Live", theme::GREEN),
+            Connection::On { .. } => widgets::pill(ui, "Waiting for samples", theme::AMBER),
+        });
+    });
+}
+
+/// The card to connect with, or what is connected.
+pub(super) fn card(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
+    theme::card().show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        match &state.connection {
+            Connection::Off => offer(ui, state, actions),
+            Connection::Connecting { address } => {
+                ui.horizontal(|ui| {
+                    ui.add(egui::Spinner::new().size(16.0).color(theme::AMBER));
+                    ui.label(format!("Connecting to {address}"));
+                });
+                cancel(ui, "Give up", actions);
+            }
+            Connection::On { address, device } => {
+                ui.label(RichText::new(device).strong());
+                widgets::quiet(ui, address.as_str());
+                cancel(ui, "Disconnect", actions);
+            }
+        }
+    });
+}
+
+fn cancel(ui: &mut Ui, label: &str, actions: &mut Vec<Action>) {
+    let button = egui::Button::new(label).min_size(Vec2::new(ui.available_width(), 30.0));
+    if ui.add(button).on_hover_text("Close the connection (Space)").clicked() {
+        actions.push(Action::Disconnect);
+    }
+}
+
+fn offer(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
+    widgets::caption(ui, "SIMULATED PUPPET");
+    ui.horizontal(|ui| {
+        let width = (ui.available_width() - 16.0) / 3.0;
+        for (label, address, hint) in SIMULATED {
+            let button = egui::Button::new(label).min_size(Vec2::new(width, 32.0));
+            if ui.add(button).on_hover_text(hint).clicked() {
+                actions.push(Action::Connect(address.into()));
+            }
+        }
+    });
+    ui.add_space(4.0);
+    serial_ports(ui, state, actions);
+    ui.add_space(4.0);
+    widgets::caption(ui, "ADDRESS");
+    let field = egui::TextEdit::singleline(&mut state.address)
+        .hint_text("serial:/dev/ttyACM0 or tcp:host:port")
+        .margin(egui::Margin::symmetric(10, 7))
+        .desired_width(f32::INFINITY);
+    let response = ui.add(field);
+    let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+    response.on_hover_text("sim:human · serial:/dev/ttyACM0 · tcp:192.168.0.12:4100");
+    let button = widgets::primary("Connect").min_size(Vec2::new(ui.available_width(), 34.0));
+    let can = !state.address.trim().is_empty();
+    let connect = ui.add_enabled(can, button).on_hover_text("Connect to this address (Space)");
+    if can && (connect.clicked() || entered) {
+        actions.push(Action::Connect(state.address.clone()));
+    }
+}
+
+fn serial_ports(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        widgets::caption(ui, "SERIAL PORTS");
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let refresh = egui::Button::new(RichText::new("Refresh").size(11.5).color(theme::ACCENT)).frame(false);
+            if ui.add(refresh).on_hover_text("Look for plugged-in puppets again").clicked() {
+                actions.push(Action::ListDevices);
+            }
+        });
+    });
+    if state.devices.is_empty() {
+        widgets::quiet(ui, "None found. Plug the puppet in, then refresh.");
+    }
+    for device in &state.devices {
+        let text = format!("{}\n{}", device.label, device.address);
+        let button = egui::Button::new(text).min_size(Vec2::new(ui.available_width(), 40.0)).truncate();
+        if ui.add(button).on_hover_text("Connect to this puppet").clicked() {
+            actions.push(Action::Connect(device.address.clone()));
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! Cards over the picture's upper right: problems with their remedy, the last take, long work.
+
+use eframe::egui::{self, Align, Color32, Layout, RichText, Ui};
+
+use super::widgets::{self, clock, grouped};
+use crate::app::state::{Action, SavedTake, State};
+use crate::app::theme;
+
+/// All cards, newest problem first.
+pub(super) fn show(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
+    if let Some((task, fraction)) = &state.busy {
+        card(ui, theme::ACCENT, |ui| busy(ui, task, *fraction, actions));
+    }
+    for (index, notice) in state.notices.iter().enumerate().rev() {
+        card(ui, theme::RED, |ui| {
+            let times = if notice.count > 1 { format!("  (×{})", notice.count) } else { String::new() };
+            title(ui, &format!("{}{times}", notice.problem.what), "Dismiss", || {
+                actions.push(Action::DismissNotice(index))
+            });
+            widgets::quiet(ui, notice.problem.remedy.as_str());
+        });
+    }
+    if let Some(take) = &state.saved {
+        card(ui, theme::GREEN, |ui| saved(ui, take, actions));
+    }
+    if let Some((good, unreadable)) = state.zeroed.filter(|(_, unreadable)| *unreadable > 0) {
+        card(ui, theme::AMBER, |ui| {
+            ui.label(format!("Zero taken for {good} sensors, not for {unreadable}"));
+            widgets::quiet(ui, "Those gave no good reading: look for grey and amber dots, then press Zero again.");
+        });
+    }
+}
+
+fn card(ui: &mut Ui, color: Color32, content: impl FnOnce(&mut Ui)) {
+    let response =
+        theme::floating().inner_margin(egui::Margin { left: 16, right: 12, top: 10, bottom: 10 }).show(ui, |ui| {
+            ui.set_width(ui.available_width());
+            ui.spacing_mut().item_spacing.y = 4.0;
+            content(ui);
+        });
+    let rect = response.response.rect;
+    let stripe =
+        egui::Rect::from_min_max(rect.min + egui::vec2(5.0, 9.0), egui::pos2(rect.min.x + 8.0, rect.max.y - 9.0));
+    ui.painter().rect_filled(stripe, 1.5, color);
+}
+
+fn title(ui: &mut Ui, text: &str, close_label: &str, mut close: impl FnMut()) {
+    ui.with_layout(Layout::right_to_left(Align::Min), |ui| {
+        if widgets::close(ui, close_label).clicked() {
+            close();
+        }
+        ui.with_layout(Layout::left_to_right(Align::Min).with_main_wrap(true), |ui| {
+            ui.add(egui::Label::new(RichText::new(text).strong()).wrap());
+        });
+    });
+}
+
+fn saved(ui: &mut Ui, take: &SavedTake, actions: &mut Vec<Action>) {
+    let heading = format!("Take saved: {}", clock(take.seconds));
+    title(ui, &heading, "Close", || actions.push(Action::DismissSaved));
+    let lost = if take.lost == 0 { "none lost".into() } else { format!("{} lost", grouped(take.lost)) };
+    widgets::quiet(ui, format!("{} samples, {lost}", grouped(take.samples)));
+    let path = take.path.display().to_string();
+    ui.horizontal(|ui| {
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            if ui.small_button("Copy path").on_hover_text("Put the file's path on the clipboard").clicked() {
+                ui.copy_text(path.clone());
+            }
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                let text = RichText::new(path.as_str()).monospace().size(11.5);
+                ui.add(egui::Label::new(text).truncate()).on_hover_text(path.as_str());
+            });
+        });
+    });
+}
+
+fn busy(ui: &mut Ui, task: &str, fraction: Option<f32>, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        ui.add(egui::Spinner::new().size(14.0).color(theme::ACCENT));
+        ui.label(task);
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            if widgets::close(ui, "Cancel").clicked() {
+                actions.push(Action::Cancel);
+            }
+        });
+    });
+    if let Some(fraction) = fraction {
+        let bar = egui::ProgressBar::new(fraction.clamp(0.0, 1.0)).desired_height(5.0).fill(theme::ACCENT);
+        ui.add(bar);
+    }
+}

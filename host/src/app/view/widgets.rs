@@ -1,0 +1,141 @@
+//! The few building blocks that the views share.
+
+use eframe::egui::{
+    self, Align2, Button, Color32, FontId, Response, RichText, Role, Sense, Stroke, Ui, Vec2, WidgetInfo, pos2,
+};
+
+use crate::app::theme;
+
+/// A small heading over a group.
+pub(super) fn caption(ui: &mut Ui, text: &str) {
+    ui.label(RichText::new(text).size(11.5).color(theme::QUIET).strong());
+}
+
+/// Text that explains.
+pub(super) fn quiet(ui: &mut Ui, text: impl Into<String>) -> Response {
+    ui.add(egui::Label::new(RichText::new(text).color(theme::QUIET)).wrap())
+}
+
+/// The main thing to press.
+pub(super) fn primary(text: &str) -> Button<'static> {
+    let label = RichText::new(text).color(Color32::WHITE).strong();
+    Button::new(label).fill(Color32::from_rgb(38, 110, 205)).stroke(Stroke::new(1.0, Color32::from_rgb(66, 138, 235)))
+}
+
+/// A coloured dot in a line of text.
+pub(super) fn dot(ui: &mut Ui, color: Color32) -> Response {
+    let (rect, response) = ui.allocate_exact_size(Vec2::splat(9.0), Sense::hover());
+    ui.painter().circle_filled(rect.center(), 3.6, color);
+    response
+}
+
+/// A small cross that closes a card.
+pub(super) fn close(ui: &mut Ui, label: &str) -> Response {
+    let (rect, response) = ui.allocate_exact_size(Vec2::splat(18.0), Sense::click());
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, true, label));
+    let color = if response.hovered() { theme::TEXT } else { theme::QUIET };
+    let cross = rect.shrink(5.5);
+    let stroke = Stroke::new(1.5, color);
+    ui.painter().line_segment([cross.left_top(), cross.right_bottom()], stroke);
+    ui.painter().line_segment([cross.right_top(), cross.left_bottom()], stroke);
+    response.on_hover_text(label)
+}
+
+/// A pill with a dot: "● Live".
+pub(super) fn pill(ui: &mut Ui, text: &str, color: Color32) {
+    egui::Frame::new()
+        .fill(color.gamma_multiply(0.14))
+        .corner_radius(egui::CornerRadius::same(11))
+        .inner_margin(egui::Margin::symmetric(9, 3))
+        .show(ui, |ui| {
+            ui.spacing_mut().item_spacing.x = 5.0;
+            ui.horizontal(|ui| {
+                dot(ui, color);
+                ui.label(RichText::new(text).size(12.0).color(color));
+            });
+        });
+}
+
+/// A track from −180° to 180° with a bar from its middle; `None` leaves the track empty.
+pub(super) fn angle_bar(ui: &mut Ui, angle: Option<f32>, color: Color32, width: f32) {
+    let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 6.0), Sense::hover());
+    ui.painter().rect_filled(rect, 3.0, theme::WELL);
+    if let Some(angle) = angle {
+        let share = (angle / std::f32::consts::PI).clamp(-1.0, 1.0) * 0.5;
+        let middle = rect.center().x;
+        let end = middle + share * rect.width();
+        let bar = egui::Rect::from_x_y_ranges(middle.min(end)..=middle.max(end), rect.y_range());
+        ui.painter().rect_filled(bar, 3.0, color.gamma_multiply(0.75));
+        ui.painter().circle_filled(pos2(end, rect.center().y), 4.0, color);
+    }
+    let middle = [rect.center_top() - Vec2::new(0.0, 2.0), rect.center_bottom() + Vec2::new(0.0, 2.0)];
+    ui.painter().line_segment(middle, Stroke::new(1.0, theme::GREY));
+}
+
+/// The red button: a dot and "Record", or a square, "Stop" and the time, blinking slowly.
+pub(super) fn record(ui: &mut Ui, recording: Option<f64>, enabled: bool, size: Vec2) -> Response {
+    let (rect, response) = ui.allocate_exact_size(size, if enabled { Sense::click() } else { Sense::hover() });
+    let label = if recording.is_some() { "Stop" } else { "Record" };
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, enabled, label));
+    let strength = match (enabled, recording.is_some(), response.hovered()) {
+        (false, ..) => 0.10,
+        (true, true, false) => 0.75,
+        (true, false, false) => 0.26,
+        (true, ..) => 0.9,
+    };
+    ui.painter().rect_filled(rect, 8.0, theme::RED.gamma_multiply(strength));
+    ui.painter().rect_stroke(
+        rect,
+        8.0,
+        Stroke::new(1.0, theme::RED.gamma_multiply(strength.max(0.35))),
+        egui::StrokeKind::Inside,
+    );
+    let ink = if enabled { Color32::WHITE } else { theme::GREY };
+    let mark = pos2(rect.left() + 20.0, rect.center().y);
+    let font = FontId::proportional(14.0);
+    if let Some(seconds) = recording {
+        let lit = ui.input(|input| input.time).rem_euclid(1.2) < 0.75;
+        ui.ctx().request_repaint_after(std::time::Duration::from_millis(150));
+        ui.painter().circle_filled(mark, 5.5, if lit { Color32::WHITE } else { Color32::WHITE.gamma_multiply(0.25) });
+        let text = format!("Stop   {}", clock(seconds));
+        ui.painter().text(mark + Vec2::new(14.0, 0.0), Align2::LEFT_CENTER, text, font, ink);
+    } else {
+        ui.painter().circle_filled(mark, 5.5, if enabled { theme::RED } else { theme::GREY });
+        ui.painter().text(mark + Vec2::new(14.0, 0.0), Align2::LEFT_CENTER, label, font, ink);
+    }
+    response
+}
+
+/// Minutes, seconds and tenths: "1:04.2".
+pub(super) fn clock(seconds: f64) -> String {
+    // A float cast saturates; what is no number becomes zero.
+    let tenths = (seconds.max(0.0) * 10.0) as u64;
+    format!("{}:{:02}.{}", tenths / 600, tenths / 10 % 60, tenths % 10)
+}
+
+/// Digits in groups of three: "1 234 567".
+pub(super) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut out = String::with_capacity(digits.len() * 4 / 3);
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            out.push('\u{2009}');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clocks_and_numbers_read_well() {
+        assert_eq!(clock(64.27), "1:04.2");
+        assert_eq!(clock(f64::NAN), "0:00.0");
+        assert_eq!(clock(-3.0), "0:00.0");
+        assert_eq!(grouped(1_234_567).replace('\u{2009}', " "), "1 234 567");
+        assert_eq!(grouped(999), "999");
+    }
+}

@@ -1,0 +1,210 @@
+//! The window with a scripted engine: clicks become commands, events become labels.
+//!
+//! With `ARMATURE_SNAPSHOTS=FOLDER` the windows are also written as PNG files, to look at.
+
+mod puppets;
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+
+use armature::app::engine::{CharacterChoice, Command, EngineEvent, EngineLink, FoundDevice, Problem, link};
+use armature::app::{Start, Window};
+use eframe::egui::{Key, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+
+/// A window and the engine's end of its link.
+struct Stage {
+    harness: Harness<'static, Window>,
+    engine: EngineLink,
+}
+
+impl Stage {
+    fn open(start: Start) -> Self {
+        let (sender, receiver): (_, Receiver<EngineLink>) = channel();
+        let builder = Harness::builder().with_size(Vec2::new(1280.0, 800.0)).with_step_dt(0.1);
+        let make = move |context: &mut eframe::CreationContext<'_>| {
+            let (app, engine) = link(|| {});
+            sender.send(engine).expect("the test waits for it");
+            Window::new(context, app, start)
+        };
+        // Layout and clicks need no graphics; pictures do.
+        let mut harness =
+            if snapshots().is_some() { builder.wgpu().build_eframe(make) } else { builder.build_eframe(make) };
+        let engine = receiver.try_recv().expect("the window has made its link");
+        harness.run_steps(3);
+        Self { harness, engine }
+    }
+
+    fn tell(&mut self, events: impl IntoIterator<Item = EngineEvent>) {
+        for event in events {
+            self.engine.send(event);
+        }
+        self.harness.run_steps(3);
+    }
+
+    fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click();
+        self.harness.run_steps(2);
+    }
+
+    fn press(&mut self, key: Key) {
+        self.harness.key_press(key);
+        self.harness.run_steps(2);
+    }
+
+    fn commands(&self) -> Vec<Command> {
+        std::iter::from_fn(|| self.engine.try_command()).collect()
+    }
+
+    fn sees(&self, text: &str) -> bool {
+        self.harness.query_by_label_contains(text).is_some()
+    }
+
+    fn snapshot(&mut self, name: &str) {
+        let Some(folder) = snapshots() else { return };
+        self.harness.run_steps(12);
+        let picture = self.harness.render().expect("a picture of the window");
+        picture.save(folder.join(format!("{name}.png"))).expect("the folder can be written");
+    }
+}
+
+fn snapshots() -> Option<std::path::PathBuf> {
+    std::env::var_os("ARMATURE_SNAPSHOTS").map(Into::into)
+}
+
+fn connected() -> Stage {
+    let mut stage = Stage::open(Start::default());
+    let character = puppets::character();
+    let frame = puppets::frame(&character);
+    stage.tell([
+        EngineEvent::CharacterLoaded(Arc::new(character)),
+        EngineEvent::Connected { address: "sim:human".into(), device: "Armature simulator 1.0".into() },
+        EngineEvent::Topology { tree: puppets::tree() },
+        EngineEvent::Mapping { bone_of_part: puppets::mapping() },
+        EngineEvent::Frame(frame),
+    ]);
+    stage.commands();
+    stage
+}
+
+#[test]
+fn an_empty_window_teaches_what_to_do() {
+    let mut stage = Stage::open(Start::default());
+    assert_eq!(stage.commands(), [Command::ListDevices, Command::LoadCharacter(CharacterChoice::Human)]);
+    assert!(stage.sees("Start a simulated one above"));
+    stage.tell([EngineEvent::Busy { task: "Making the human".into(), fraction: Some(0.4) }]);
+    assert!(stage.sees("Making the human"));
+    stage.snapshot("1-empty");
+    stage.tell([EngineEvent::CharacterLoaded(Arc::new(puppets::character()))]);
+    assert!(stage.sees("Press Space to start a simulated one"));
+    stage.snapshot("2-character");
+}
+
+#[test]
+fn presets_addresses_and_ports_connect() {
+    let mut stage = Stage::open(Start::default());
+    stage.commands();
+    stage.click("Connect");
+    assert_eq!(stage.commands(), [Command::Connect("sim:human".into())]);
+    assert!(stage.sees("Connecting to sim:human"));
+    stage.click("Give up");
+    assert_eq!(stage.commands(), [Command::Disconnect]);
+    stage.tell([
+        EngineEvent::Disconnected { problem: None },
+        EngineEvent::Devices(vec![FoundDevice { address: "serial:/dev/ttyACM0".into(), label: "Puppet hub".into() }]),
+    ]);
+    stage.click("Puppet hub\nserial:/dev/ttyACM0");
+    assert_eq!(stage.commands(), [Command::Connect("serial:/dev/ttyACM0".into())]);
+    stage.tell([EngineEvent::Disconnected { problem: None }]);
+    stage.click("Refresh");
+    stage.press(Key::Space);
+    let space = Command::Connect("serial:/dev/ttyACM0".into());
+    assert_eq!(stage.commands(), [Command::ListDevices, space], "Space connects to the last address");
+}
+
+#[test]
+fn zero_and_record_by_click_and_by_key() {
+    let mut stage = connected();
+    stage.click("Zero");
+    stage.press(Key::Z);
+    assert_eq!(stage.commands(), [Command::Zero, Command::Zero]);
+    stage.click("Record");
+    assert_eq!(stage.commands(), [Command::StartRecording]);
+    stage.tell([EngineEvent::Recording { seconds: 12.44, samples: 4976 }]);
+    stage.snapshot("4-recording");
+    stage.click("Stop");
+    stage.press(Key::R);
+    assert_eq!(stage.commands(), [Command::StopRecording, Command::StopRecording]);
+    let path = "/home/kim/Armature/2026-03-01 walk.take".into();
+    stage.tell([EngineEvent::Saved { path, seconds: 12.5, samples: 5000, lost: 0 }]);
+    assert!(stage.sees("Take saved: 0:12.5") && stage.sees("2026-03-01 walk.take"));
+    stage.snapshot("5-saved");
+    stage.click("Close");
+    assert!(!stage.sees("Take saved"));
+}
+
+#[test]
+fn without_a_puppet_there_is_nothing_to_zero_or_record() {
+    let mut stage = Stage::open(Start::default());
+    stage.commands();
+    stage.press(Key::Z);
+    stage.press(Key::R);
+    stage.click("Zero");
+    stage.click("Record");
+    assert_eq!(stage.commands(), []);
+}
+
+#[test]
+fn a_joint_shows_its_bone_its_states_and_blinks() {
+    let mut stage = connected();
+    assert!(stage.sees("400 Hz") && stage.sees("0.31 / 0.84 ms"));
+    stage.snapshot("3-live");
+    stage.click("forearm.L");
+    assert!(stage.sees("moves the bone forearm.L"));
+    stage.snapshot("6-selected");
+    stage.click("Blink");
+    assert!(matches!(stage.commands().as_slice(), [Command::Blink(uid)] if uid.0[11] == 6));
+    stage.press(Key::Escape);
+    assert!(!stage.sees("moves the bone forearm.L"));
+}
+
+#[test]
+fn a_problem_comes_with_its_remedy_and_goes_when_dismissed() {
+    let mut stage = connected();
+    let problem =
+        Problem { what: "The puppet stopped answering.".into(), remedy: "Check the cable, then connect again.".into() };
+    stage.tell([EngineEvent::Problem(problem.clone())]);
+    stage.tell([EngineEvent::Disconnected { problem: Some(problem) }]);
+    assert!(stage.sees("The puppet stopped answering.") && stage.sees("Check the cable"));
+    stage.snapshot("7-problem");
+    stage.click("Dismiss");
+    assert!(!stage.sees("The puppet stopped answering."));
+}
+
+#[test]
+fn characters_are_chosen_by_click_and_on_the_command_line() {
+    let start = Start { device: Some("sim:hand".into()), character: CharacterChoice::Hand };
+    let mut stage = Stage::open(start);
+    let first = stage.commands();
+    assert!(first.contains(&Command::LoadCharacter(CharacterChoice::Hand)));
+    assert!(first.contains(&Command::Connect("sim:hand".into())));
+    stage.tell([EngineEvent::Disconnected { problem: None }]);
+    // The first "Spider" is the simulated puppet's, the second the character's.
+    let spiders: Vec<_> = stage.harness.get_all_by_label("Spider").collect();
+    assert_eq!(spiders.len(), 2);
+    spiders.iter().for_each(|spider| spider.click());
+    drop(spiders);
+    stage.harness.run_steps(2);
+    let commands = stage.commands();
+    assert!(commands.contains(&Command::LoadCharacter(CharacterChoice::Spider)), "{commands:?}");
+}
+
+#[test]
+fn an_engine_that_ends_is_not_silence() {
+    let Stage { mut harness, engine } = connected();
+    drop(engine);
+    harness.get_by_label("Zero").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("The engine of this program has stopped").is_some());
+}
