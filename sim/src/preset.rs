@@ -1,0 +1,137 @@
+//! The puppets that come ready: a human, a spider, a hand, and any number of joints.
+//!
+//! Outlets of splitters run from the character's left to its right, and on one side from front to back, so that a
+//! host can tell equal branches apart.
+
+use firmware_protocol::PartKind::{Bend, Twist, TwistBendTwist};
+
+use crate::body::{Body, BodyBuilder, BodyError};
+
+impl Body {
+    /// The preset with this name: `human`, `spider`, `hand` or `joints:N`. The same seed gives the same part numbers.
+    pub fn preset(name: &str, seed: u64) -> Result<Self, BodyError> {
+        let unknown = || BodyError::UnknownPreset { name: name.to_owned() };
+        let builder = BodyBuilder::new(name, seed);
+        match name.split_once(':') {
+            None if name == "human" => human(builder),
+            None if name == "spider" => spider(builder),
+            None if name == "hand" => hand(builder),
+            Some(("joints", count)) => {
+                let count = count.parse().ok().filter(|n| (1..=149).contains(n)).ok_or_else(unknown)?;
+                joints(builder, count)
+            }
+            _ => Err(unknown()),
+        }
+    }
+}
+
+/// 19 joints, 45 sensors, on a stand, in T-pose.
+fn human(mut b: BodyBuilder) -> Result<Body, BodyError> {
+    let stand = b.splitter("stand", 1, None);
+    let hips = b.joint("hips", TwistBendTwist, Some(stand));
+    let pelvis = b.splitter("pelvis", 3, Some(hips));
+    let left_hip = b.joint("left_hip", TwistBendTwist, Some(pelvis));
+    let spine = b.joint("spine", TwistBendTwist, Some(pelvis));
+    let right_hip = b.joint("right_hip", TwistBendTwist, Some(pelvis));
+    for (side, hip) in [("left", left_hip), ("right", right_hip)] {
+        let knee = b.joint(format!("{side}_knee"), Bend, Some(hip));
+        b.joint(format!("{side}_ankle"), TwistBendTwist, Some(knee));
+    }
+    let chest = b.joint("chest", TwistBendTwist, Some(spine));
+    let shoulders = b.splitter("shoulders", 3, Some(chest));
+    let left_shoulder = b.joint("left_shoulder", TwistBendTwist, Some(shoulders));
+    let neck = b.joint("neck", TwistBendTwist, Some(shoulders));
+    let right_shoulder = b.joint("right_shoulder", TwistBendTwist, Some(shoulders));
+    for (side, shoulder) in [("left", left_shoulder), ("right", right_shoulder)] {
+        let elbow = b.joint(format!("{side}_elbow"), Bend, Some(shoulder));
+        let forearm = b.joint(format!("{side}_forearm"), Twist, Some(elbow));
+        b.joint(format!("{side}_wrist"), TwistBendTwist, Some(forearm));
+    }
+    b.joint("head", TwistBendTwist, Some(neck));
+    b.finish()
+}
+
+/// A body and eight legs of three joints.
+fn spider(mut b: BodyBuilder) -> Result<Body, BodyError> {
+    let stand = b.splitter("stand", 1, None);
+    let body = b.joint("body", TwistBendTwist, Some(stand));
+    let sides = b.splitter("sides", 2, Some(body));
+    for side in ["left", "right"] {
+        let legs = b.splitter(format!("{side}_legs"), 4, Some(sides));
+        for leg in 1..=4 {
+            let hip = b.joint(format!("{side}_{leg}_hip"), TwistBendTwist, Some(legs));
+            let knee = b.joint(format!("{side}_{leg}_knee"), Bend, Some(hip));
+            b.joint(format!("{side}_{leg}_ankle"), Bend, Some(knee));
+        }
+    }
+    b.finish()
+}
+
+/// A right hand with the palm to the front: the thumb is on the character's left.
+fn hand(mut b: BodyBuilder) -> Result<Body, BodyError> {
+    let stand = b.splitter("stand", 1, None);
+    let wrist = b.joint("wrist", TwistBendTwist, Some(stand));
+    let palm = b.splitter("palm", 5, Some(wrist));
+    for finger in ["thumb", "index", "middle", "ring", "little"] {
+        let base = b.joint(format!("{finger}_1"), TwistBendTwist, Some(palm));
+        let middle = b.joint(format!("{finger}_2"), Bend, Some(base));
+        b.joint(format!("{finger}_3"), Bend, Some(middle));
+    }
+    b.finish()
+}
+
+/// One three-axis joint with up to four chains of equal length on it.
+fn joints(mut b: BodyBuilder, count: usize) -> Result<Body, BodyError> {
+    let root = b.joint("joint_1", TwistBendTwist, None);
+    let chains = (count - 1).min(4);
+    if chains > 0 {
+        let hub = b.splitter("hub", chains as u8, Some(root));
+        let mut ends = vec![hub; chains];
+        for joint in 1..count {
+            let end = &mut ends[(joint - 1) % chains];
+            *end = b.joint(format!("joint_{}", joint + 1), TwistBendTwist, Some(*end));
+        }
+    }
+    b.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn joint_count(body: &Body) -> usize {
+        (0..body.parts().len()).filter(|&part| !body.sensors(part).is_empty()).count()
+    }
+
+    #[test]
+    fn presets_have_the_promised_joints() {
+        for (name, joints, sensors) in [
+            ("human", 19, 45),
+            ("spider", 25, 43),
+            ("hand", 16, 28),
+            ("joints:32", 32, 96),
+            ("joints:1", 1, 3),
+            ("joints:149", 149, 447),
+        ] {
+            let body = Body::preset(name, 1).unwrap();
+            assert_eq!((joint_count(&body), body.sensor_count()), (joints, sensors), "{name}");
+            let mut uids: Vec<_> = body.parts().iter().map(|p| p.uid).collect();
+            uids.sort_unstable();
+            uids.dedup();
+            assert_eq!(uids.len(), body.parts().len());
+            assert_eq!(body, Body::preset(name, 1).unwrap());
+            assert_ne!(body.parts()[0].uid, Body::preset(name, 2).unwrap().parts()[0].uid);
+        }
+        for name in ["", "dog", "joints", "joints:0", "joints:150", "joints:x", "human:2"] {
+            assert!(matches!(Body::preset(name, 1), Err(BodyError::UnknownPreset { .. })), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_hangs_below_is_found() {
+        let body = Body::preset("human", 0).unwrap();
+        let at = |label| body.find(label).unwrap();
+        assert!(body.is_below(at("left_wrist"), at("chest")));
+        assert!(!body.is_below(at("left_knee"), at("chest")));
+    }
+}
