@@ -41,6 +41,8 @@ pub enum Action {
     DismissNotice(usize),
     /// Close the card of the last take.
     DismissSaved,
+    /// Close the card of the last zero.
+    DismissZeroed,
 }
 
 /// Whether there is a puppet.
@@ -87,6 +89,17 @@ pub struct SavedTake {
     pub lost: u64,
 }
 
+/// A zero that was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Zeroed {
+    /// Grows with every zero of this window.
+    pub number: u64,
+    /// Sensors that have a zero now.
+    pub sensors: usize,
+    /// Sensors that gave no good reading.
+    pub unreadable: usize,
+}
+
 /// One line of the joint list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PartRow {
@@ -125,8 +138,8 @@ pub struct State {
     pub recording: Option<(f64, u64)>,
     /// The last take.
     pub saved: Option<SavedTake>,
-    /// Good and unreadable sensors of the last zero.
-    pub zeroed: Option<(usize, usize)>,
+    /// The last zero.
+    pub zeroed: Option<Zeroed>,
     /// Long work: what, and how much is done.
     pub busy: Option<(String, Option<f32>)>,
     /// Problems, newest last.
@@ -135,6 +148,7 @@ pub struct State {
     pub selected: Option<usize>,
     /// Whether bones are drawn.
     pub show_bones: bool,
+    zeros: u64,
 }
 
 impl Default for State {
@@ -158,6 +172,7 @@ impl Default for State {
             notices: Vec::new(),
             selected: None,
             show_bones: true,
+            zeros: 0,
         }
     }
 }
@@ -192,7 +207,10 @@ impl State {
                 self.tree = Some(tree);
             }
             EngineEvent::Mapping { bone_of_part } => self.bone_of_part = bone_of_part,
-            EngineEvent::Zeroed { sensors, unreadable } => self.zeroed = Some((sensors, unreadable)),
+            EngineEvent::Zeroed { sensors, unreadable } => {
+                self.zeros += 1;
+                self.zeroed = Some(Zeroed { number: self.zeros, sensors, unreadable });
+            }
             EngineEvent::Recording { seconds, samples } => {
                 self.saved = None;
                 self.recording = Some((seconds, samples));
@@ -258,6 +276,10 @@ impl State {
                 if index < self.notices.len() {
                     self.notices.remove(index);
                 }
+                None
+            }
+            Action::DismissZeroed => {
+                self.zeroed = None;
                 None
             }
             Action::DismissSaved => {

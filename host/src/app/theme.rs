@@ -6,35 +6,35 @@ use eframe::egui::{
 };
 
 /// Behind panels.
-pub const PANEL: Color32 = Color32::from_rgb(21, 23, 28);
+pub(super) const PANEL: Color32 = Color32::from_rgb(21, 23, 28);
 /// Cards on a panel.
-pub const CARD: Color32 = Color32::from_rgb(29, 32, 39);
+pub(super) const CARD: Color32 = Color32::from_rgb(29, 32, 39);
 /// Fields and wells inside cards.
-pub const WELL: Color32 = Color32::from_rgb(17, 19, 23);
+pub(super) const WELL: Color32 = Color32::from_rgb(17, 19, 23);
 /// Hairlines.
-pub const LINE: Color32 = Color32::from_rgb(43, 47, 56);
+pub(super) const LINE: Color32 = Color32::from_rgb(43, 47, 56);
 /// Text.
-pub const TEXT: Color32 = Color32::from_rgb(222, 226, 233);
+pub(super) const TEXT: Color32 = Color32::from_rgb(222, 226, 233);
 /// Text that explains.
-pub const QUIET: Color32 = Color32::from_rgb(141, 149, 163);
+pub(super) const QUIET: Color32 = Color32::from_rgb(141, 149, 163);
 /// What is selected, and the main thing to press.
-pub const ACCENT: Color32 = Color32::from_rgb(82, 160, 255);
+pub(super) const ACCENT: Color32 = Color32::from_rgb(82, 160, 255);
 /// Recording, and what went wrong.
-pub const RED: Color32 = Color32::from_rgb(255, 92, 84);
+pub(super) const RED: Color32 = Color32::from_rgb(255, 92, 84);
 /// Live, and what went well.
-pub const GREEN: Color32 = Color32::from_rgb(62, 207, 142);
+pub(super) const GREEN: Color32 = Color32::from_rgb(62, 207, 142);
 /// A reading to distrust.
-pub const AMBER: Color32 = Color32::from_rgb(245, 184, 74);
+pub(super) const AMBER: Color32 = Color32::from_rgb(245, 184, 74);
 /// A reading the device itself distrusts.
-pub const VIOLET: Color32 = Color32::from_rgb(190, 130, 255);
+pub(super) const VIOLET: Color32 = Color32::from_rgb(190, 130, 255);
 /// Nothing there.
-pub const GREY: Color32 = Color32::from_rgb(92, 99, 112);
+pub(super) const GREY: Color32 = Color32::from_rgb(92, 99, 112);
 
 /// Corners of cards.
-pub const CARD_RADIUS: u8 = 10;
+pub(super) const CARD_RADIUS: u8 = 10;
 
 /// The colour of a sensor's state.
-pub fn state_color(state: SensorState) -> Color32 {
+pub(super) fn state_color(state: SensorState) -> Color32 {
     match state {
         SensorState::Ok => GREEN,
         SensorState::NoData => GREY,
@@ -44,7 +44,7 @@ pub fn state_color(state: SensorState) -> Color32 {
 }
 
 /// Dresses the whole window.
-pub fn apply(ctx: &egui::Context) {
+pub(super) fn apply(ctx: &egui::Context) {
     ctx.set_theme(egui::Theme::Dark);
     ctx.all_styles_mut(|style| {
         style.text_styles = [
@@ -96,7 +96,7 @@ fn dress(visuals: &mut egui::Visuals) {
 }
 
 /// A card on a panel.
-pub fn card() -> egui::Frame {
+pub(super) fn card() -> egui::Frame {
     egui::Frame::new()
         .fill(CARD)
         .stroke(Stroke::new(1.0, LINE))
@@ -105,7 +105,7 @@ pub fn card() -> egui::Frame {
 }
 
 /// A card that floats over the picture.
-pub fn floating() -> egui::Frame {
+pub(super) fn floating() -> egui::Frame {
     egui::Frame::new()
         .fill(Color32::from_rgba_unmultiplied(24, 27, 33, 225))
         .stroke(Stroke::new(1.0, Color32::from_rgba_unmultiplied(255, 255, 255, 18)))

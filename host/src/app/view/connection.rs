@@ -48,8 +48,7 @@ pub(super) fn card(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
 }
 
 fn cancel(ui: &mut Ui, label: &str, actions: &mut Vec<Action>) {
-    let button = egui::Button::new(label).min_size(Vec2::new(ui.available_width(), 30.0));
-    if ui.add(button).on_hover_text("Close the connection (Space)").clicked() {
+    if widgets::wide(ui, egui::Button::new(label), 30.0).on_hover_text("Close the connection (Space)").clicked() {
         actions.push(Action::Disconnect);
     }
 }
@@ -76,9 +75,9 @@ fn offer(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
     let response = ui.add(field);
     let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
     response.on_hover_text("sim:human · serial:/dev/ttyACM0 · tcp:192.168.0.12:4100");
-    let button = widgets::primary("Connect").min_size(Vec2::new(ui.available_width(), 34.0));
     let can = !state.address.trim().is_empty();
-    let connect = ui.add_enabled(can, button).on_hover_text("Connect to this address (Space)");
+    let connect = ui.add_enabled_ui(can, |ui| widgets::wide(ui, widgets::primary("Connect"), 34.0)).inner;
+    let connect = connect.on_hover_text("Connect to this address (Space)");
     if can && (connect.clicked() || entered) {
         actions.push(Action::Connect(state.address.clone()));
     }
@@ -99,8 +98,8 @@ fn serial_ports(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     }
     for device in &state.devices {
         let text = format!("{}\n{}", device.label, device.address);
-        let button = egui::Button::new(text).min_size(Vec2::new(ui.available_width(), 40.0)).truncate();
-        if ui.add(button).on_hover_text("Connect to this puppet").clicked() {
+        if widgets::wide(ui, egui::Button::new(text).truncate(), 44.0).on_hover_text("Connect to this puppet").clicked()
+        {
             actions.push(Action::Connect(device.address.clone()));
         }
     }

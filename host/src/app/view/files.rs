@@ -9,7 +9,7 @@ const EXTENSIONS: [&str; 6] = ["glb", "gltf", "obj", "ply", "stl", "off"];
 
 /// A file dialog that may be open, and files dropped onto the window.
 #[derive(Debug, Default)]
-pub struct Files {
+pub(super) struct Files {
     answer: Option<Receiver<Option<PathBuf>>>,
 }
 

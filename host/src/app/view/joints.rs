@@ -10,7 +10,7 @@ use crate::app::state::{Action, Connection, PartRow, State, axis_label, kind_lab
 use crate::app::theme;
 
 const ROW: f32 = 26.0;
-const READING: f32 = 56.0;
+const READING: f32 = 42.0;
 
 /// What the list remembers between frames.
 #[derive(Debug, Default)]
@@ -106,22 +106,15 @@ fn line(ui: &mut Ui, state: &State, tree: &JointTree, row: PartRow) -> egui::Res
     x += 12.0;
     let sensors = tree.sensors(row.part);
     let readings_left = rect.right() - 8.0 - READING * sensors.len() as f32;
-    let name_clip = Rect::from_x_y_ranges(x..=readings_left - 4.0, rect.y_range());
     let named = state.bone_name(row.part).is_some();
     let color = if named || selected { theme::TEXT } else { theme::QUIET };
-    ui.painter().with_clip_rect(name_clip.intersect(ui.clip_rect())).text(
-        pos2(x, middle),
-        Align2::LEFT_CENTER,
-        label,
-        FontId::proportional(13.5),
-        color,
-    );
+    widgets::line(ui, pos2(x, middle), readings_left - x, &label, color);
     for (column, sensor) in sensors.enumerate() {
         let right = readings_left + READING * (column as f32 + 1.0);
         let (sensor_state, angle) = state.reading(sensor);
         let color = if sensor_state == SensorState::Ok { theme::TEXT } else { theme::state_color(sensor_state) };
         let font = FontId::monospace(12.0);
-        ui.painter().text(pos2(right, middle), Align2::RIGHT_CENTER, degrees(angle), font, color);
+        ui.painter().text(pos2(right, middle), Align2::RIGHT_CENTER, whole_degrees(angle), font, color);
     }
     response.on_hover_ui(|ui| tooltip(ui, state, tree, row.part))
 }
@@ -188,7 +181,12 @@ fn legend(ui: &mut Ui) {
     });
 }
 
-/// "−12.3°", or a dash without data.
+/// "-12°", or a dash without data: calm enough to read while it moves.
+fn whole_degrees(angle: Option<f32>) -> String {
+    angle.map_or_else(|| "—".into(), |angle| format!("{:.0}°", angle.to_degrees().round() + 0.0))
+}
+
+/// "-12.3°", or a dash without data.
 fn degrees(angle: Option<f32>) -> String {
     angle.map_or_else(|| "—".into(), |angle| format!("{:.1}°", angle.to_degrees() + 0.0))
 }

@@ -23,7 +23,7 @@ const LEFT_WIDTH: f32 = 336.0;
 
 /// What the views remember between frames: camera, scroll position, an open file dialog.
 #[derive(Debug, Default)]
-pub struct View {
+pub(super) struct View {
     viewport: viewport::Viewport,
     joints: joints::JointList,
     files: Files,
@@ -31,7 +31,7 @@ pub struct View {
 
 impl View {
     /// Draws the window; returns what was asked for.
-    pub fn show(
+    pub(super) fn show(
         &mut self,
         ui: &mut Ui,
         state: &mut State,

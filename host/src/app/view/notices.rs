@@ -3,8 +3,11 @@
 use eframe::egui::{self, Align, Color32, Layout, RichText, Ui};
 
 use super::widgets::{self, clock, grouped};
-use crate::app::state::{Action, SavedTake, State};
+use crate::app::state::{Action, SavedTake, State, Zeroed};
 use crate::app::theme;
+
+/// How long a zero that went well is told of.
+const ZERO_SECONDS: f64 = 4.0;
 
 /// All cards, newest problem first.
 pub(super) fn show(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
@@ -23,11 +26,33 @@ pub(super) fn show(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     if let Some(take) = &state.saved {
         card(ui, theme::GREEN, |ui| saved(ui, take, actions));
     }
-    if let Some((good, unreadable)) = state.zeroed.filter(|(_, unreadable)| *unreadable > 0) {
+    if let Some(zero) = state.zeroed {
+        zeroed(ui, zero, actions);
+    }
+}
+
+/// What went well fades by itself, what did not stays.
+fn zeroed(ui: &mut Ui, zero: Zeroed, actions: &mut Vec<Action>) {
+    let seen = egui::Id::unique("zero seen at");
+    let now = ui.input(|input| input.time);
+    let (number, since) = ui.data(|data| data.get_temp(seen)).unwrap_or((0, now));
+    let since = if number == zero.number { since } else { now };
+    ui.data_mut(|data| data.insert_temp(seen, (zero.number, since)));
+    let Zeroed { sensors, unreadable, .. } = zero;
+    if unreadable > 0 {
         card(ui, theme::AMBER, |ui| {
-            ui.label(format!("Zero taken for {good} sensors, not for {unreadable}"));
-            widgets::quiet(ui, "Those gave no good reading: look for grey and amber dots, then press Zero again.");
+            let text = format!("Zero taken for {sensors} sensors, but not for {unreadable}");
+            title(ui, &text, "Close", || actions.push(Action::DismissZeroed));
+            widgets::quiet(
+                ui,
+                "Those gave no good reading. Look for grey, amber and violet dots, then press Zero again.",
+            );
         });
+    } else if now - since < ZERO_SECONDS {
+        card(ui, theme::GREEN, |ui| {
+            ui.label(RichText::new(format!("Zero taken for {sensors} sensors")).strong());
+        });
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(ZERO_SECONDS - (now - since)));
     }
 }
 
@@ -44,14 +69,17 @@ fn card(ui: &mut Ui, color: Color32, content: impl FnOnce(&mut Ui)) {
     ui.painter().rect_filled(stripe, 1.5, color);
 }
 
-fn title(ui: &mut Ui, text: &str, close_label: &str, mut close: impl FnMut()) {
-    ui.with_layout(Layout::right_to_left(Align::Min), |ui| {
+/// A bold line, and a cross that closes the card.
+fn title(ui: &mut Ui, text: &str, close_label: &str, close: impl FnOnce()) {
+    ui.horizontal_top(|ui| {
+        let width = ui.available_width() - 26.0;
+        ui.vertical(|ui| {
+            ui.set_width(width);
+            ui.add(egui::Label::new(RichText::new(text).strong()).wrap());
+        });
         if widgets::close(ui, close_label).clicked() {
             close();
         }
-        ui.with_layout(Layout::left_to_right(Align::Min).with_main_wrap(true), |ui| {
-            ui.add(egui::Label::new(RichText::new(text).strong()).wrap());
-        });
     });
 }
 

@@ -27,7 +27,7 @@ impl Viewport {
     /// Shows the whole character.
     pub(super) fn frame_all(&mut self, state: &State, aspect: f32) {
         let posed = state.frame.as_deref().and_then(|frame| Bounds::of(&frame.positions));
-        self.rig.goal.frame(&posed.unwrap_or(self.stage.bounds), aspect);
+        self.rig.goal.frame(&above_the_bar(posed.unwrap_or(self.stage.bounds)), aspect);
     }
 
     pub(super) fn show(
@@ -43,7 +43,7 @@ impl Viewport {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Character"));
         let aspect = rect.width() / rect.height().max(1.0);
         if self.stage.follow(state) || !self.started {
-            self.rig.cut_to(&self.stage.bounds, aspect);
+            self.rig.cut_to(&above_the_bar(self.stage.bounds), aspect);
             self.started = true;
         }
         self.steer(ui, &response, aspect, state, actions);
@@ -132,6 +132,11 @@ impl Viewport {
             });
         });
     }
+}
+
+/// Room below the feet for what floats there.
+fn above_the_bar(bounds: Bounds) -> Bounds {
+    Bounds { min: bounds.min - glam::Vec3::Y * (bounds.size().y * 0.16), ..bounds }
 }
 
 /// The upper left: the character's name and the others to choose from.

@@ -41,19 +41,27 @@ pub(super) fn close(ui: &mut Ui, label: &str) -> Response {
     response.on_hover_text(label)
 }
 
+/// A button as wide as its place.
+pub(super) fn wide(ui: &mut Ui, button: Button<'_>, height: f32) -> Response {
+    ui.add_sized(Vec2::new(ui.available_width(), height), button)
+}
+
 /// A pill with a dot: "● Live".
 pub(super) fn pill(ui: &mut Ui, text: &str, color: Color32) {
-    egui::Frame::new()
-        .fill(color.gamma_multiply(0.14))
-        .corner_radius(egui::CornerRadius::same(11))
-        .inner_margin(egui::Margin::symmetric(9, 3))
-        .show(ui, |ui| {
-            ui.spacing_mut().item_spacing.x = 5.0;
-            ui.horizontal(|ui| {
-                dot(ui, color);
-                ui.label(RichText::new(text).size(12.0).color(color));
-            });
-        });
+    let galley = ui.painter().layout_no_wrap(text.into(), FontId::proportional(12.0), color);
+    let size = Vec2::new(galley.size().x + 31.0, 23.0);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, text));
+    ui.painter().rect_filled(rect, 11.5, color.gamma_multiply(0.15));
+    ui.painter().circle_filled(pos2(rect.left() + 12.0, rect.center().y), 3.6, color);
+    ui.painter().galley(pos2(rect.left() + 21.0, rect.center().y - galley.size().y * 0.5), galley, color);
+}
+
+/// One line of text that ends in an ellipsis where it does not fit.
+pub(super) fn line(ui: &Ui, left_middle: egui::Pos2, width: f32, text: &str, color: Color32) {
+    let text = egui::WidgetText::from(RichText::new(text).size(13.5).color(color));
+    let galley = text.into_galley(ui, Some(egui::TextWrapMode::Truncate), width, egui::TextStyle::Body);
+    ui.painter().galley(left_middle - Vec2::new(0.0, galley.size().y * 0.5), galley, color);
 }
 
 /// A track from −180° to 180° with a bar from its middle; `None` leaves the track empty.
@@ -100,7 +108,8 @@ pub(super) fn record(ui: &mut Ui, recording: Option<f64>, enabled: bool, size: V
         let text = format!("Stop   {}", clock(seconds));
         ui.painter().text(mark + Vec2::new(14.0, 0.0), Align2::LEFT_CENTER, text, font, ink);
     } else {
-        ui.painter().circle_filled(mark, 5.5, if enabled { theme::RED } else { theme::GREY });
+        let mark_color = if response.hovered() { Color32::WHITE } else { theme::RED };
+        ui.painter().circle_filled(mark, 5.5, if enabled { mark_color } else { theme::GREY });
         ui.painter().text(mark + Vec2::new(14.0, 0.0), Align2::LEFT_CENTER, label, font, ink);
     }
     response
