@@ -179,7 +179,10 @@ impl Surface<'_> {
                         let what = format!("vertex {vertex} follows joint {joint}, its skin has {}", bones.len());
                         return Err(document.error(what));
                     }
-                    influences.push((joint as usize, weight));
+                    match influences.iter_mut().find(|(known, _)| *known == joint as usize) {
+                        Some((_, sum)) => *sum += weight,
+                        None => influences.push((joint as usize, weight)),
+                    }
                 }
             }
             if influences.is_empty() {

@@ -330,7 +330,13 @@ fn write_influences(
 
 /// The influences of a vertex with weights that sum to one as exactly as single precision can.
 fn whole_row(influences: &Influences, vertex: usize) -> Vec<(u16, f32)> {
-    let mut row: Vec<(u16, f32)> = influences.of_vertex(vertex).collect();
+    let mut row: Vec<(u16, f32)> = Vec::with_capacity(influences.per_vertex());
+    for (bone, weight) in influences.of_vertex(vertex) {
+        match row.iter_mut().find(|(known, _)| *known == bone) {
+            Some((_, sum)) => *sum += weight,
+            None => row.push((bone, weight)),
+        }
+    }
     let rest: f64 = row.iter().skip(1).map(|(_, w)| f64::from(*w)).sum();
     if let Some(first) = row.first_mut() {
         first.1 = (1.0 - rest) as f32;
