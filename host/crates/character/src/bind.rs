@@ -6,6 +6,7 @@ use armature_formats::{Model, ModelRig};
 use armature_geometry::{Influences, MeshError, NormalWeighting, TriangleMesh, vertex_normals};
 use armature_rig::{Skeleton, SkeletonError};
 use armature_weights::{BoneHeat, BoneHeatError, BoneHeatSettings, BoneSegment, SparsifyError, bone_heat, sparsify};
+use glam::DVec3;
 
 use crate::{Character, HeatRecord, Misfit, Provenance};
 
@@ -120,6 +121,21 @@ pub fn bind(
     settings: &BindSettings,
     progress: &mut dyn FnMut(BindProgress) -> ControlFlow<()>,
 ) -> Result<Character, BindError> {
+    bind_with_ribs(model, skeleton, &[], settings, progress)
+}
+
+/// A further segment, in model space, that counts as a part of a bone when it comes to weights: ribs keep a broad
+/// chest with its spine.
+pub(crate) type Rib = (u16, [DVec3; 2]);
+
+/// [`bind`], with ribs.
+pub(crate) fn bind_with_ribs(
+    model: Model,
+    skeleton: Option<Skeleton>,
+    ribs: &[Rib],
+    settings: &BindSettings,
+    progress: &mut dyn FnMut(BindProgress) -> ControlFlow<()>,
+) -> Result<Character, BindError> {
     let mut report = |stage, done| match progress(BindProgress { stage, done }) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(BindError::Cancelled { stage }),
@@ -140,7 +156,7 @@ pub fn bind(
         old => {
             let skeleton = skeleton.or(old.map(|rig| rig.skeleton)).ok_or(BindError::NoSkeleton)?;
             drop_loose_vertices(&mut model);
-            let (influences, record, warnings) = heat_weights(&model.mesh, &skeleton, settings, progress)?;
+            let (influences, record, warnings) = heat_weights(&model.mesh, &skeleton, ribs, settings, progress)?;
             model.warnings.extend(warnings);
             model.rig = Some(ModelRig { skeleton, influences });
             Provenance::BoneHeat(record)
@@ -222,6 +238,7 @@ fn keep<T>(values: &mut Vec<T>, used: &[bool]) {
 fn heat_weights(
     mesh: &TriangleMesh,
     skeleton: &Skeleton,
+    ribs: &[Rib],
     settings: &BindSettings,
     progress: &mut dyn FnMut(BindProgress) -> ControlFlow<()>,
 ) -> Result<(Influences, HeatRecord, Vec<String>), BindError> {
@@ -241,21 +258,23 @@ fn heat_weights(
     let box_of_mesh = mesh.bounds().ok_or(BindError::Mesh(MeshError::Empty))?;
     let outside = Misfit::check(box_of_mesh, &long_segments).map_err(BindError::Misfit)?;
 
-    let bones: Vec<BoneSegment> = long_segments
-        .iter()
-        .map(|(head, tail)| BoneSegment { head: head.as_dvec3().to_array(), tail: tail.as_dvec3().to_array() })
+    let of_bones = long_segments.iter().map(|(head, tail)| [head.as_dvec3(), tail.as_dvec3()]);
+    let bones: Vec<BoneSegment> = of_bones
+        .chain(ribs.iter().map(|rib| rib.1))
+        .map(|[head, tail]| BoneSegment { head: head.to_array(), tail: tail.to_array() })
         .collect();
+    let columns: Vec<u16> = long.iter().copied().chain(ribs.iter().map(|rib| rib.0)).collect();
     let heat = bone_heat(mesh, &bones, &settings.heat, &mut |p| {
         progress(BindProgress { stage: p.phase.label(), done: 0.02 + 0.92 * p.done })
     })?;
-    let (influences, sparse) = sparsify(&heat.weights, settings.max_influences, &long, skeleton.len())?;
+    let (influences, sparse) = sparsify(&heat.weights, settings.max_influences, &columns, skeleton.len())?;
     let record = HeatRecord {
         heat: settings.heat.heat,
         max_influences: settings.max_influences,
         residual: heat.residual,
         max_dropped: sparse.max_dropped,
     };
-    let mut warnings = heat_warnings(&heat, skeleton, &long);
+    let mut warnings = heat_warnings(&heat, skeleton, &columns);
     if outside > 0 {
         warnings.push(format!("{outside} of {} bones lie outside of the mesh's box", long.len()));
     }
@@ -269,11 +288,11 @@ fn heat_weights(
     Ok((influences, record, warnings))
 }
 
-fn heat_warnings(heat: &BoneHeat, skeleton: &Skeleton, long: &[u16]) -> Vec<String> {
+fn heat_warnings(heat: &BoneHeat, skeleton: &Skeleton, columns: &[u16]) -> Vec<String> {
     let report = &heat.report;
     let mut warnings = Vec::new();
     if !report.cold_bones.is_empty() {
-        let name = |&column: &usize| long.get(column).map(|&bone| skeleton.bones()[usize::from(bone)].name.as_str());
+        let name = |&column: &usize| columns.get(column).map(|&bone| skeleton.bones()[usize::from(bone)].name.as_str());
         let names: Vec<&str> = report.cold_bones.iter().filter_map(name).collect();
         warnings.push(format!("these bones move no part of the mesh: {}", names.join(", ")));
     }

@@ -38,6 +38,11 @@ pub(super) fn field() -> Field {
     Field { groups, symmetric: false, floor: Some((0.0, 0.04)) }
 }
 
+/// What moves with the palm.
+pub(super) fn ribs() -> Vec<(&'static str, [DVec3; 2])> {
+    ALONE.palm_ribs().map(|ends| ("LeftHand", ends)).to_vec()
+}
+
 pub(super) fn skeleton() -> Result<Skeleton, SkeletonError> {
     let mut bones = Bones::default();
     bones.add("LeftLowerArm", None, [DVec3::new(0.0, 0.03, 0.0), ALONE.wrist]);
@@ -98,6 +103,12 @@ impl Hand {
             }
         }
         bones
+    }
+
+    /// From the wrist to the outer knuckles: the palm is one piece.
+    pub(super) fn palm_ribs(&self) -> [[DVec3; 2]; 2] {
+        let knuckle = |finger: usize| self.place(fingers()[finger].joints[0]);
+        [1, 4].map(|finger| [self.wrist, self.wrist.lerp(knuckle(finger), 0.95)])
     }
 
     fn cone(&self, [a, b]: [DVec3; 2], [ra, rb]: [f64; 2]) -> Loft {

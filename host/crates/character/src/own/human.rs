@@ -69,6 +69,22 @@ pub(super) fn skeleton() -> Result<Skeleton, SkeletonError> {
     bones.finish()
 }
 
+/// What moves with the spine, the hips and the hands although it lies far from those bones.
+pub(super) fn ribs() -> Vec<(&'static str, [DVec3; 2])> {
+    let across = |y: f64, half: f64, z: f64| [at(-half, y, z), at(half, y, z)];
+    let mut ribs = vec![
+        ("Hips", across(0.965, 0.105, -0.005)),
+        ("Spine", across(1.085, 0.075, -0.004)),
+        ("Chest", across(1.205, 0.090, -0.004)),
+        ("Chest", across(1.265, 0.105, -0.004)),
+        ("UpperChest", across(1.320, 0.105, -0.006)),
+    ];
+    let palm = left_hand().palm_ribs();
+    ribs.extend(palm.map(|ends| ("LeftHand", ends)));
+    ribs.extend(palm.map(|ends| ("RightHand", ends.map(|p| at(-p.x, p.y, p.z)))));
+    ribs
+}
+
 /// Sections given by height rather than by part of the axis.
 fn upright(low: f64, high: f64, z: f64, sections: &[(f64, f64, f64, f64)], caps: [f64; 2]) -> Loft {
     let stations: Vec<(f64, [f64; 4])> = sections

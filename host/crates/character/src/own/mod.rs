@@ -14,25 +14,27 @@ use std::ops::ControlFlow;
 
 use armature_formats::Model;
 use armature_rig::{Skeleton, SkeletonError};
+use glam::DVec3;
 
-use crate::{BindError, BindSettings, Character, Provenance, bind};
+use crate::bind::bind_with_ribs;
+use crate::{BindError, BindSettings, Character, Provenance};
 
 use field::Field;
 use figure::{Detail, figure};
 
 /// A human figure in a T-pose, 1.75 units tall, with the bone names of Unity's `HumanBodyBones` (and VMC).
 pub fn human() -> Result<Character, BindError> {
-    make("human", &human::field(), human::DETAIL, human::skeleton(), [0.62, 0.36, 0.23, 1.0])
+    make("human", &human::field(), human::DETAIL, human::skeleton(), &human::ribs(), [0.62, 0.36, 0.23, 1.0])
 }
 
 /// A spider with eight legs of three segments, about 1.2 units wide.
 pub fn spider() -> Result<Character, BindError> {
-    make("spider", &spider::field(), spider::DETAIL, spider::skeleton(), [0.17, 0.15, 0.21, 1.0])
+    make("spider", &spider::field(), spider::DETAIL, spider::skeleton(), &spider::ribs(), [0.17, 0.15, 0.21, 1.0])
 }
 
 /// A left hand with a stub of a forearm, 1 unit tall: fingers up, palm towards +Z.
 pub fn hand() -> Result<Character, BindError> {
-    make("hand", &hand::field(), hand::DETAIL, hand::skeleton(), [0.62, 0.40, 0.27, 1.0])
+    make("hand", &hand::field(), hand::DETAIL, hand::skeleton(), &hand::ribs(), [0.62, 0.40, 0.27, 1.0])
 }
 
 fn make(
@@ -40,14 +42,21 @@ fn make(
     field: &Field,
     detail: Detail,
     skeleton: Result<Skeleton, SkeletonError>,
+    ribs: &[(&str, [DVec3; 2])],
     base_color: [f32; 4],
 ) -> Result<Character, BindError> {
     let (mesh, normals) = figure(field, detail);
     let model =
         Model { name: name.to_owned(), mesh, normals: Some(normals), base_color: Some(base_color), ..Model::default() };
-    let mut character = bind(model, Some(skeleton?), &BindSettings::default(), &mut |_| ControlFlow::Continue(()))?;
+    let skeleton = skeleton?;
+    let ribs: Vec<_> =
+        ribs.iter().filter_map(|(name, ends)| skeleton.find(name).map(|bone| (bone as u16, *ends))).collect();
+    let go_on = &mut |_| ControlFlow::Continue(());
+    let mut character = bind_with_ribs(model, Some(skeleton), &ribs, &BindSettings::default(), go_on)?;
     if let Provenance::BoneHeat(record) = character.provenance {
         character.provenance = Provenance::Generated(record);
     }
+    // Written for the user's own models; ours were looked at, and are tested.
+    character.warnings.clear();
     Ok(character)
 }

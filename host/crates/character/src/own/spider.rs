@@ -13,6 +13,10 @@ pub(super) const DETAIL: Detail = Detail { spacing: 0.0065, sizes: Sizes { broad
 /// Thickness of a leg at its joints, body first.
 const THICKNESS: [f64; 4] = [0.029, 0.026, 0.019, 0.0095];
 
+const JAW: [DVec3; 2] = [DVec3::new(0.028, 0.275, 0.205), DVec3::new(0.026, 0.205, 0.236)];
+const PALP: [DVec3; 3] =
+    [DVec3::new(0.062, 0.270, 0.195), DVec3::new(0.088, 0.268, 0.275), DVec3::new(0.074, 0.195, 0.317)];
+
 fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
@@ -91,14 +95,21 @@ fn face() -> Group {
     for (x, y, z, radius) in eyes {
         group = group.add(Loft::ellipsoid(at(x, y, z), DVec3::splat(radius)), 0.004);
     }
-    let jaw = Loft::cone([at(0.028, 0.275, 0.205), at(0.026, 0.205, 0.236)], [0.030, 0.019]);
+    let jaw = Loft::cone(JAW, [0.030, 0.019]);
     let fang = Loft::cone([at(0.025, 0.200, 0.236), at(0.016, 0.170, 0.222)], [0.012, 0.006]);
-    let palp = [at(0.062, 0.270, 0.195), at(0.088, 0.268, 0.275), at(0.074, 0.195, 0.317)];
+    let palp = PALP;
     group
         .add(jaw, 0.015)
         .add(fang, 0.008)
         .add(Loft::cone([palp[0], palp[1]], [0.020, 0.017]), 0.012)
         .add(Loft::cone([palp[1], palp[2]], [0.017, 0.014]), 0.008)
+}
+
+/// Jaws and palps have no bones of their own and move with the body.
+pub(super) fn ribs() -> Vec<(&'static str, [DVec3; 2])> {
+    let left = [JAW, [PALP[0], PALP[1]], [PALP[1], PALP[2]]];
+    let both = left.into_iter().flat_map(|ends| [ends, ends.map(|p| at(-p.x, p.y, p.z))]);
+    both.map(|ends| ("Body", ends)).collect()
 }
 
 pub(super) fn skeleton() -> Result<Skeleton, SkeletonError> {
