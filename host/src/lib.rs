@@ -1,3 +1,16 @@
-//! The engine, the command line and the window of `armature`: the only place where all rooms meet.
+//! The program `armature`: command line, engine and window. The only place where all rooms meet.
 
 pub mod app;
+pub mod bench;
+pub mod characters;
+pub mod cli;
+pub mod commands;
+pub mod engine;
+pub mod exports;
+pub mod failure;
+pub mod files;
+pub mod inputs;
+pub mod pictures;
+pub mod settings;
+pub mod takes;
+pub mod talk;

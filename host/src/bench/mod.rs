@@ -1,0 +1,158 @@
+//! `armature bench`: what this machine does, by name, beside a peer where one is installed.
+
+use std::time::Instant;
+
+use crate::cli::BenchArgs;
+use crate::failure::Failure;
+
+mod heat;
+mod pose;
+mod protocol;
+mod stream;
+
+/// One measured number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measurement {
+    /// Like `protocol/decode`.
+    pub name: &'static str,
+    /// The median over the runs.
+    pub value: f64,
+    /// Like `MB/s`.
+    pub unit: &'static str,
+    /// How many runs.
+    pub runs: usize,
+    /// The peer's name and its value, measured in the same minutes.
+    pub peer: Option<(String, f64)>,
+    /// What the number has to reach, in words, and whether it does; `None` where the number only informs.
+    pub budget: Option<(&'static str, bool)>,
+}
+
+impl Measurement {
+    fn new(name: &'static str, value: f64, unit: &'static str, runs: usize) -> Self {
+        Self { name, value, unit, runs, peer: None, budget: None }
+    }
+
+    fn at_most(mut self, limit: f64, words: &'static str) -> Self {
+        self.budget = Some((words, self.value <= limit));
+        self
+    }
+
+    fn at_least(mut self, limit: f64, words: &'static str) -> Self {
+        self.budget = Some((words, self.value >= limit));
+        self
+    }
+
+    fn to_json(&self) -> String {
+        let mut object = serde_json::json!({
+            "name": self.name, "value": self.value, "unit": self.unit, "runs": self.runs,
+        });
+        if let Some((peer, value)) = &self.peer {
+            object["peer"] = peer.as_str().into();
+            object["peer_value"] = (*value).into();
+            object["ratio"] = (self.value / value).into();
+        }
+        if let Some((words, met)) = self.budget {
+            object["budget"] = words.into();
+            object["met"] = met.into();
+        }
+        object.to_string()
+    }
+
+    fn to_line(&self) -> String {
+        let mut line = format!("{:32} {:>12} {:8} ({} runs)", self.name, significant(self.value), self.unit, self.runs);
+        if let Some((words, met)) = self.budget {
+            line += &format!("  {} {words}", if met { "✓" } else { "✗" });
+        }
+        if let Some((peer, value)) = &self.peer {
+            line += &format!("  {peer}: {} {}, ratio {:.3}", significant(*value), self.unit, self.value / value);
+        }
+        line
+    }
+}
+
+/// Four significant digits, without an exponent.
+fn significant(value: f64) -> String {
+    let digits = if value == 0.0 || !value.is_finite() { 0 } else { 3 - value.abs().log10().floor() as i32 };
+    format!("{value:.*}", digits.clamp(0, 9) as usize)
+}
+
+/// A benchmark: the names of what it measures, and how.
+struct Benchmark {
+    names: &'static [&'static str],
+    run: fn(&BenchArgs) -> Result<Vec<Measurement>, Failure>,
+}
+
+const BENCHMARKS: &[Benchmark] = &[
+    Benchmark { names: protocol::NAMES, run: protocol::run },
+    Benchmark { names: pose::NAMES, run: pose::run },
+    Benchmark { names: heat::NAMES, run: heat::run },
+    Benchmark { names: stream::NAMES, run: stream::run },
+];
+
+/// Runs the benchmarks whose names contain `args.what`.
+pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
+    let asked = |name: &str| args.what.as_deref().is_none_or(|what| name.contains(what));
+    let chosen: Vec<&Benchmark> = BENCHMARKS.iter().filter(|b| b.names.iter().any(|n| asked(n))).collect();
+    if chosen.is_empty() {
+        let what = format!("no benchmark has {:?} in its name", args.what.as_deref().unwrap_or_default());
+        return Err(Failure::usage(what, "`armature bench --list` prints the names"));
+    }
+    if args.list {
+        chosen.iter().flat_map(|b| b.names).filter(|n| asked(n)).for_each(|name| println!("{name}"));
+        return Ok(());
+    }
+    if cfg!(debug_assertions) && !args.json {
+        eprintln!("note: this is a development build; numbers count in a release build (`cargo run --release -- bench`)");
+    }
+    for benchmark in chosen {
+        for measurement in (benchmark.run)(args)?.iter().filter(|m| asked(m.name)) {
+            println!("{}", if args.json { measurement.to_json() } else { measurement.to_line() });
+        }
+    }
+    Ok(())
+}
+
+/// Runs `work` once to warm up and `runs` times to measure; the seconds of each run, sorted.
+fn time_runs(runs: usize, mut work: impl FnMut()) -> Vec<f64> {
+    work();
+    let mut seconds: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = Instant::now();
+            work();
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    seconds
+}
+
+fn median(sorted: &[f64]) -> f64 {
+    percentile(sorted, 0.5)
+}
+
+/// The value below which `fraction` of the sorted values lie; NaN without values.
+pub fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    sorted.get((fraction * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_carries_the_ratio_to_the_peer() {
+        let measurement = Measurement { peer: Some(("other".into(), 4.0)), ..Measurement::new("a/b", 2.0, "s", 3) };
+        let value: serde_json::Value = serde_json::from_str(&measurement.to_json()).unwrap();
+        assert_eq!(value["ratio"], 0.5);
+        assert_eq!(value["peer"], "other");
+    }
+
+    #[test]
+    fn percentiles_of_sorted_values() {
+        let values: Vec<f64> = (0..=100).map(f64::from).collect();
+        assert_eq!(percentile(&values, 0.99), 99.0);
+        assert_eq!(median(&values), 50.0);
+        assert!(percentile(&[], 0.5).is_nan());
+    }
+}

@@ -1,0 +1,22 @@
+//! What each subcommand does, one file each.
+
+mod bind;
+mod demo;
+mod devices;
+mod export;
+mod inspect;
+mod replay;
+mod run;
+mod sim;
+mod window;
+
+pub use crate::bench::bench;
+pub use bind::bind;
+pub use demo::demo;
+pub use devices::devices;
+pub use export::export;
+pub use inspect::inspect;
+pub use replay::replay;
+pub use run::run;
+pub use sim::sim;
+pub use window::window;

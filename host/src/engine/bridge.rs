@@ -1,0 +1,111 @@
+//! From the device's words to the rig's: the one place where wire types and skeletons meet.
+
+use armature_device as device;
+use armature_rig as rig;
+use armature_take::EventKind;
+
+use crate::failure::Failure;
+
+/// A puppet as the rig sees it, and how to lay its samples out.
+#[derive(Clone, Debug)]
+pub struct Bridge {
+    epoch: u16,
+    tree: rig::JointTree,
+    /// The columns of a device's sample that the tree's sensors read, in the tree's order.
+    columns: Vec<usize>,
+    /// Parts of a kind this version does not know: they hold the tree together but move nothing.
+    unknown_parts: usize,
+    sample: rig::RawSample,
+}
+
+impl Bridge {
+    /// Takes the device's description of itself.
+    pub fn new(topology: &device::Topology) -> Result<Self, Failure> {
+        let mut columns = Vec::with_capacity(topology.sensor_count);
+        let mut column = 0;
+        let mut parts = Vec::with_capacity(topology.parts.len());
+        for part in &topology.parts {
+            let kind = rig_kind(part);
+            columns.extend(column..column + kind.axes().len());
+            column += usize::from(part.sensor_count);
+            parts.push(rig::Part {
+                uid: rig::PartUid(part.uid.0),
+                kind,
+                parent: part.parent.map(usize::from),
+                outlet: part.outlet,
+                counts_per_turn: part.counts_per_turn,
+            });
+        }
+        let tree = rig::JointTree::new(parts)
+            .map_err(|e| Failure::device(e.to_string(), "unplug and replug that part, or update the device's firmware"))?;
+        let unknown_parts = topology.parts.iter().filter(|p| matches!(p.kind, device::PartKind::Other(_))).count();
+        Ok(Self { epoch: topology.epoch, tree, columns, unknown_parts, sample: rig::RawSample::default() })
+    }
+
+    /// Number of this state of the tree.
+    pub fn epoch(&self) -> u16 {
+        self.epoch
+    }
+
+    /// The puppet.
+    pub fn tree(&self) -> &rig::JointTree {
+        &self.tree
+    }
+
+    /// How many parts are of a kind this version does not know.
+    pub fn unknown_parts(&self) -> usize {
+        self.unknown_parts
+    }
+
+    /// The sample that [`sample`](Self::sample) gave last; `None` before the first.
+    pub fn latest(&self) -> Option<&rig::RawSample> {
+        Some(&self.sample).filter(|s| s.counts.len() == self.columns.len() && !s.counts.is_empty())
+    }
+
+    /// A device's sample in the tree's order; `None` if it belongs to another topology. Reuses one buffer.
+    pub fn sample(&mut self, sample: &device::Sample) -> Option<&rig::RawSample> {
+        if sample.epoch != self.epoch || self.columns.last().is_some_and(|&last| last >= sample.counts.len()) {
+            return None;
+        }
+        let raw = &mut self.sample;
+        (raw.device_micros, raw.sequence, raw.epoch) = (sample.device_micros, sample.sequence, sample.epoch);
+        raw.counts.clear();
+        raw.counts.extend(self.columns.iter().map(|&c| sample.counts[c]));
+        raw.states.clear();
+        raw.states.extend(self.columns.iter().map(|&c| rig_state(sample.states[c])));
+        Some(raw)
+    }
+}
+
+fn rig_kind(part: &device::Part) -> rig::PartKind {
+    match part.kind {
+        device::PartKind::Bend => rig::PartKind::Bend,
+        device::PartKind::Twist => rig::PartKind::Twist,
+        device::PartKind::TwistBendTwist => rig::PartKind::TwistBendTwist,
+        device::PartKind::Splitter | device::PartKind::Other(_) => rig::PartKind::Splitter { outlets: part.outlet_count },
+    }
+}
+
+fn rig_state(state: device::SensorState) -> rig::SensorState {
+    match state {
+        device::SensorState::Ok => rig::SensorState::Ok,
+        device::SensorState::NoData => rig::SensorState::NoData,
+        device::SensorState::MagnetWeak => rig::SensorState::MagnetWeak,
+        device::SensorState::Outlier => rig::SensorState::Outlier,
+    }
+}
+
+/// What a take says of an event of the stream; `None` for what it does not record.
+pub fn take_event(event: &device::Event) -> Option<EventKind> {
+    match *event {
+        device::Event::Lost { count, next_sequence } => Some(EventKind::LostSamples {
+            count: u64::from(count),
+            after_sequence: next_sequence.wrapping_sub(count).wrapping_sub(1),
+        }),
+        device::Event::Noise { checksum_errors, bytes, .. } => {
+            Some(EventKind::Noise { crc_errors: checksum_errors, discarded_bytes: bytes })
+        }
+        device::Event::Restarted => Some(EventKind::Restart),
+        _ => None,
+    }
+}

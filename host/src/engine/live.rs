@@ -1,0 +1,130 @@
+//! A puppet on a real line, seen from a thread that wants its events one after the other.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use armature_device::{Connection, DeviceAddress, DeviceProblem, SessionCounters, SessionSettings};
+use tokio::runtime::Runtime;
+
+use super::perform::{Next, Source};
+use super::second_process::SimulatedPuppet;
+use crate::cli::SimulatedArgs;
+use crate::failure::Failure;
+
+/// How long one look for an event may take, so that Ctrl-C and the clock are heeded.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// A connected puppet. A simulated one runs in a second process, which ends with this value.
+#[derive(Debug)]
+pub struct Live {
+    connection: Connection,
+    runtime: Runtime,
+    address: String,
+    simulated: Option<SimulatedPuppet>,
+    interrupted: Arc<AtomicBool>,
+}
+
+impl Live {
+    /// Connects to `sim:…`, `serial:…` or `tcp:…`.
+    pub fn connect(device: &str, simulated: &SimulatedArgs) -> Result<Self, Failure> {
+        let parsed = parse_address(device)?;
+        let (address, process) = match &parsed {
+            DeviceAddress::Sim { name } => {
+                let process = SimulatedPuppet::start(name, simulated)?;
+                (parse_address(process.address())?, Some(process))
+            }
+            other => (other.clone(), None),
+        };
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .thread_name("device")
+            .build()
+            .map_err(|e| Failure::device(format!("no thread for the device: {e}"), "close other programs"))?;
+        let line = runtime.block_on(armature_device::open(&address)).map_err(|e| problem_failure(&e))?;
+        let connection = Connection::spawn(runtime.handle(), line, SessionSettings::default());
+        let address = address.to_string();
+        Ok(Self { connection, runtime, address, simulated: process, interrupted: Arc::default() })
+    }
+
+    /// From now on Ctrl-C interrupts the performance in place of ending the program at once.
+    pub fn catch_interrupt(&self) {
+        let flag = self.interrupted.clone();
+        self.runtime.spawn(async move {
+            if tokio::signal::ctrl_c().await.is_ok() {
+                flag.store(true, Ordering::Relaxed);
+            }
+        });
+    }
+
+    /// Where the puppet is: the line that was opened.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// The process number of a simulated puppet.
+    pub fn simulated_process(&self) -> Option<u32> {
+        self.simulated.as_ref().map(SimulatedPuppet::process_id)
+    }
+
+    /// Wants this many samples a second.
+    pub fn start(&self, samples_per_second: f64) {
+        self.connection.start((samples_per_second * 1000.0).round() as u32);
+    }
+
+    /// Makes a part show itself.
+    pub fn blink(&self, uid: armature_device::PartUid, duration_millis: u16) {
+        self.connection.blink(uid, duration_millis);
+    }
+
+    /// The next event, waiting for it at most so long.
+    pub fn next_within(&mut self, patience: Duration) -> Next {
+        if let Some(event) = self.connection.try_next() {
+            return Next::Event(event);
+        }
+        let connection = &mut self.connection;
+        match self.runtime.block_on(async { tokio::time::timeout(patience, connection.next()).await }) {
+            Ok(Some(event)) => Next::Event(event),
+            Ok(None) => Next::Over,
+            Err(_) => Next::Quiet,
+        }
+    }
+}
+
+impl Source for Live {
+    fn next(&mut self) -> Next {
+        self.next_within(PATIENCE)
+    }
+
+    fn now(&self) -> f64 {
+        self.connection.began().elapsed().as_secs_f64()
+    }
+
+    fn age(&self, received: Duration) -> Option<Duration> {
+        Some((self.connection.began() + received).elapsed())
+    }
+
+    fn counters(&self) -> SessionCounters {
+        self.connection.counters()
+    }
+
+    fn interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+
+    fn close(self) -> SessionCounters {
+        let Self { connection, runtime, .. } = self;
+        runtime.block_on(connection.close())
+    }
+}
+
+/// Reads a device address as the user writes it.
+pub fn parse_address(text: &str) -> Result<DeviceAddress, Failure> {
+    text.parse().map_err(|e: armature_device::AddressError| Failure::usage(e.to_string(), ""))
+}
+
+/// A device's trouble as the program tells it.
+pub fn problem_failure(problem: &DeviceProblem) -> Failure {
+    Failure::device(problem.to_string(), "")
+}

@@ -1,0 +1,212 @@
+//! From a puppet's samples to a posed and skinned character: the pose-time heart of the program, pure.
+//!
+//! It reads no clock and no port: whoever drives it (the command line, the window's engine, the virtual clock)
+//! hands it the topology and the samples. Same calls, same poses, same take.
+
+use std::sync::Arc;
+
+use armature_rig::{BoneStatus, Calibration, JointTree, Mapping, Pose, RawSample, SensorState, ZeroReport};
+use armature_take::{SolveError, StreamSolver};
+use glam::Affine3A;
+
+use super::actor::Actor;
+use crate::failure::Failure;
+
+/// When the rest pose is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ZeroPolicy {
+    /// From the first good sample, whatever is known already.
+    AtStart,
+    /// From the first good sample if a joint of the puppet was never zeroed.
+    WhenUnknown,
+    /// Only when asked.
+    OnRequest,
+}
+
+/// After so many samples a sensor that still has no good reading no longer holds up the zeroing of the others.
+const PATIENCE_SAMPLES: u32 = 50;
+
+/// What a sample led to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// No topology yet, or a sample of an older topology.
+    Ignored,
+    /// The character has a new pose.
+    Posed {
+        /// The rest pose was taken from this sample.
+        zeroed: Option<ZeroReport>,
+    },
+}
+
+/// A character that a puppet moves.
+#[derive(Debug)]
+pub struct Performance {
+    actor: Arc<Actor>,
+    skin: Option<armature_deform::LinearBlendSkin>,
+    chosen_mapping: Option<Mapping>,
+    zero_policy: ZeroPolicy,
+    zero_wanted: bool,
+    waited_samples: u32,
+    solver: StreamSolver,
+    model_from_bone: Vec<Affine3A>,
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+}
+
+impl Performance {
+    /// A character in its rest pose. `mapping`: as chosen by the user; without one it is proposed for each puppet.
+    pub fn new(
+        actor: Arc<Actor>,
+        mapping: Option<Mapping>,
+        calibration: Calibration,
+        zero_policy: ZeroPolicy,
+    ) -> Result<Self, Failure> {
+        let skin = actor.precompute_skin()?;
+        let model_from_bone = actor.skeleton.rest_model_from_bone();
+        let (positions, normals) =
+            actor.shape.as_ref().map(|s| (s.positions.clone(), s.normals.clone())).unwrap_or_default();
+        let mut solver = StreamSolver::new(actor.skeleton.clone());
+        solver.set_calibration(calibration);
+        Ok(Self {
+            actor,
+            skin,
+            chosen_mapping: mapping,
+            zero_policy,
+            zero_wanted: false,
+            waited_samples: 0,
+            solver,
+            model_from_bone,
+            positions,
+            normals,
+        })
+    }
+
+    /// Takes a puppet as it is plugged together now. Parts that were there before go on without a jump.
+    pub fn set_topology(&mut self, epoch: u16, tree: JointTree) {
+        let mapping = match &self.chosen_mapping {
+            Some(mapping) => mapping.clone(),
+            None => armature_rig::propose(&tree, &self.actor.skeleton).mapping,
+        };
+        let mut calibration = self.solver.calibration().clone();
+        let unknown = tree.parts().iter().any(|part| {
+            let sensors = calibration.part(part.uid).unwrap_or_default();
+            sensors.len() != part.kind.axes().len() || sensors.iter().any(|s| s.zero_counts.is_none())
+        });
+        let first = self.solver.topology().is_none();
+        self.zero_wanted |= match self.zero_policy {
+            ZeroPolicy::AtStart => first || unknown,
+            ZeroPolicy::WhenUnknown => unknown,
+            ZeroPolicy::OnRequest => false,
+        };
+        self.waited_samples = 0;
+        calibration.add_missing(&tree);
+        self.solver.set_calibration(calibration);
+        self.solver.set_mapping(mapping);
+        self.solver.set_topology(epoch, tree);
+    }
+
+    /// The next good sample becomes the rest pose.
+    pub fn request_zero(&mut self) {
+        self.zero_wanted = true;
+        self.waited_samples = 0;
+    }
+
+    /// Whether the rest pose is still to be taken.
+    pub fn waits_for_zero(&self) -> bool {
+        self.zero_wanted
+    }
+
+    /// Forgets what sensors said before, so that a take that begins now can be solved from its own samples alone.
+    pub fn forget_past(&mut self) {
+        let mut fresh = StreamSolver::new(self.actor.skeleton.clone());
+        fresh.set_calibration(self.solver.calibration().clone());
+        if let Some(mapping) = self.solver.mapping() {
+            fresh.set_mapping(mapping.clone());
+        }
+        if let Some((epoch, tree)) = self.solver.topology() {
+            fresh.set_topology(epoch, tree.clone());
+        }
+        self.solver = fresh;
+    }
+
+    /// Poses and skins the character by one sample.
+    pub fn perform(&mut self, sample: &RawSample) -> Result<Step, Failure> {
+        let fits = self.solver.topology().is_some_and(|(epoch, tree)| {
+            epoch == sample.epoch && tree.sensor_count() == sample.counts.len()
+        });
+        if !fits {
+            return Ok(Step::Ignored);
+        }
+        let zeroed = self.zero_if_wanted(sample)?;
+        let pose = match self.solver.solve(sample) {
+            Ok(pose) => pose,
+            Err(SolveError::Mapping(error)) => {
+                let remedy = "correct the mapping file, or leave --mapping away to have one proposed";
+                return Err(Failure::input(error.to_string(), remedy));
+            }
+            Err(error) => return Err(Failure::device(error.to_string(), "unplug the puppet and connect again")),
+        };
+        pose.forward_kinematics(&self.actor.skeleton, &mut self.model_from_bone);
+        if let Some(skin) = &mut self.skin {
+            let skinned = skin.solve(&self.model_from_bone, &mut self.positions, &mut self.normals);
+            skinned.map_err(|e| Failure::not_converged(e.to_string(), "zero the puppet again"))?;
+        }
+        Ok(Step::Posed { zeroed })
+    }
+
+    fn zero_if_wanted(&mut self, sample: &RawSample) -> Result<Option<ZeroReport>, Failure> {
+        let Some((_, tree)) = self.solver.topology().filter(|_| self.zero_wanted) else { return Ok(None) };
+        let all_good = sample.states.iter().all(|s| *s == SensorState::Ok);
+        if !all_good && self.waited_samples < PATIENCE_SAMPLES {
+            self.waited_samples += 1;
+            return Ok(None);
+        }
+        let mut calibration = self.solver.calibration().clone();
+        let report = calibration
+            .zero(tree, sample)
+            .map_err(|e| Failure::input(e.to_string(), "remove the part's entry from the calibration file"))?;
+        self.solver.set_calibration(calibration);
+        self.zero_wanted = false;
+        Ok(Some(report))
+    }
+
+    /// The character.
+    pub fn actor(&self) -> &Arc<Actor> {
+        &self.actor
+    }
+
+    /// The puppet and the number of its present topology.
+    pub fn topology(&self) -> Option<(u16, &JointTree)> {
+        self.solver.topology()
+    }
+
+    /// The mapping in use.
+    pub fn mapping(&self) -> Option<&Mapping> {
+        self.solver.mapping()
+    }
+
+    /// The calibration in use.
+    pub fn calibration(&self) -> &Calibration {
+        self.solver.calibration()
+    }
+
+    /// How far each bone can be trusted, in the skeleton's order; empty before the first sample.
+    pub fn bone_status(&self) -> &[BoneStatus] {
+        self.solver.solver().map_or(&[], |solver| solver.bone_status())
+    }
+
+    /// The latest pose.
+    pub fn pose(&self) -> &Pose {
+        self.solver.pose()
+    }
+
+    /// `model_from_bone` of the latest pose.
+    pub fn model_from_bone(&self) -> &[Affine3A] {
+        &self.model_from_bone
+    }
+
+    /// The skinned positions and unit normals of the latest pose; empty for a character without a mesh.
+    pub fn skinned(&self) -> (&[[f32; 3]], &[[f32; 3]]) {
+        (&self.positions, &self.normals)
+    }
+}

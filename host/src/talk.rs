@@ -1,0 +1,72 @@
+//! Progress on a terminal.
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use armature_character::BindProgress;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+const STEPS: u64 = 1000;
+const REDRAWS_PER_SECOND: u8 = 15;
+
+/// How much the program tells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Talk {
+    /// Results and errors only.
+    pub quiet: bool,
+}
+
+/// A progress bar that shows only on a terminal, and not when the user asked for quiet.
+#[derive(Debug)]
+pub struct Bar {
+    bar: ProgressBar,
+}
+
+impl Bar {
+    /// Shows a bar with a task's name.
+    pub fn new(talk: Talk, task: &str) -> Self {
+        let bar = ProgressBar::new(STEPS);
+        bar.set_draw_target(if talk.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(REDRAWS_PER_SECOND) });
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg:32} [{bar:32}] {percent:>3} %  {elapsed}") {
+            bar.set_style(style.progress_chars("━╸ "));
+        }
+        bar.set_message(task.to_string());
+        bar.enable_steady_tick(Duration::from_millis(100));
+        Self { bar }
+    }
+
+    /// Shows how far a task is, 0 to 1.
+    pub fn show(&self, task: &str, done: f64) {
+        if self.bar.message() != task {
+            self.bar.set_message(task.to_string());
+        }
+        self.bar.set_position((done.clamp(0.0, 1.0) * STEPS as f64) as u64);
+    }
+
+    /// For work that reports as binding does; never stops it (Ctrl-C ends the program).
+    pub fn binding(&self) -> impl FnMut(BindProgress) -> ControlFlow<()> + '_ {
+        |progress| {
+            self.show(progress.stage, progress.done);
+            ControlFlow::Continue(())
+        }
+    }
+
+    /// For work that reports a fraction.
+    pub fn fraction<'a>(&'a self, task: &'a str) -> impl FnMut(f32) -> ControlFlow<()> + 'a {
+        move |done| {
+            self.show(task, f64::from(done));
+            ControlFlow::Continue(())
+        }
+    }
+
+    /// Removes the bar.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
