@@ -193,7 +193,9 @@ fn characters_are_chosen_by_click_and_on_the_command_line() {
     // The first "Spider" is the simulated puppet's, the second the character's.
     let spiders: Vec<_> = stage.harness.get_all_by_label("Spider").collect();
     assert_eq!(spiders.len(), 2);
-    spiders.iter().for_each(|spider| spider.click());
+    for spider in &spiders {
+        spider.click();
+    }
     drop(spiders);
     stage.harness.run_steps(2);
     let commands = stage.commands();

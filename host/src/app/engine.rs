@@ -332,6 +332,7 @@ struct Mailbox {
 #[derive(Debug, Default)]
 struct Queue {
     events: VecDeque<EngineEvent>,
+    #[expect(clippy::vec_box, reason = "frames travel in boxes; unpacking them here would allocate on every frame")]
     spare_frames: Vec<Box<Frame>>,
     overflowed: u64,
 }

@@ -15,7 +15,7 @@ fn puppet() -> Arc<JointTree> {
         part(3, PartKind::Twist, Some(0), 1),
         part(4, PartKind::TwistBendTwist, Some(1), 0),
     ];
-    Arc::new(JointTree::new(parts).unwrap())
+    Arc::new(JointTree::new(parts).expect("a tree"))
 }
 
 fn problem(what: &str) -> Problem {

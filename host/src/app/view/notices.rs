@@ -18,7 +18,7 @@ pub(super) fn show(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
         card(ui, theme::RED, |ui| {
             let times = if notice.count > 1 { format!("  (×{})", notice.count) } else { String::new() };
             title(ui, &format!("{}{times}", notice.problem.what), "Dismiss", || {
-                actions.push(Action::DismissNotice(index))
+                actions.push(Action::DismissNotice(index));
             });
             widgets::quiet(ui, notice.problem.remedy.as_str());
         });
