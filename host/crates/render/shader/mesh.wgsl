@@ -44,7 +44,7 @@ fn fragment(surface: Surface) -> @location(0) vec4f {
     let above = saturate((surface.world.y - u.ground.x) / (0.5 * u.ground.z));
     let openness = mix(1.0, mix(0.45, 1.0, above), saturate(0.5 - 0.5 * normal.y));
     let ambient = mix(u.bounce.rgb, u.sky.rgb, 0.5 + 0.5 * normal.y) * openness;
-    let key = wrapped(dot(normal, u.key_direction.xyz), 0.12);
+    let key = wrapped(dot(normal, u.key_direction.xyz), 0.05);
     let fill = wrapped(dot(normal, u.fill_direction.xyz), 0.45);
     let edge = pow(1.0 - facing, 3.0);
     let rim = edge * saturate(0.35 + 0.65 * dot(normal, u.rim_direction.xyz));

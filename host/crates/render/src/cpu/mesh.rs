@@ -44,7 +44,7 @@ pub(crate) fn fragment(u: &Uniforms, texture: &TextureSampler, surface: &Surface
     let above = saturate((surface.world.y - u.ground.x) / (0.5 * u.ground.z));
     let openness = 1.0 + (0.45 + 0.55 * above - 1.0) * saturate(0.5 - 0.5 * normal.y);
     let ambient = mix(u.bounce.xyz(), u.sky.xyz(), 0.5 + 0.5 * normal.y) * openness;
-    let key = wrapped(normal.dot(u.key_direction.xyz()), 0.12);
+    let key = wrapped(normal.dot(u.key_direction.xyz()), 0.05);
     let fill = wrapped(normal.dot(u.fill_direction.xyz()), 0.45);
     let edge = (1.0 - facing).powi(3);
     let rim = edge * saturate(0.35 + 0.65 * normal.dot(u.rim_direction.xyz()));
