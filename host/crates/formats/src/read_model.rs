@@ -27,6 +27,10 @@ pub fn read_model(file_name: &str, bytes: &[u8], resolver: Resolver) -> Result<M
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(FormatError::whole(file_name, "the file is empty", "Choose another file, or export it again"));
     }
+    if bytes.trim_ascii_start().starts_with(b"HIERARCHY") {
+        let what = "this is a BVH motion and holds no mesh";
+        return Err(FormatError::whole(file_name, what, "Give it as the motion, and a mesh as the character"));
+    }
     let kind = kind_of(file_name, bytes)
         .ok_or_else(|| FormatError::whole(file_name, "this is no mesh file that can be read", KNOWN))?;
     let mut model = match kind {
@@ -72,10 +76,16 @@ fn by_content(bytes: &[u8]) -> Option<Kind> {
     }
     match word {
         _ if start.starts_with(b"glTF") || start.starts_with(b"{") => Some(Kind::Gltf),
-        b"ply" => Some(Kind::Ply),
+        b"ply" if start[3..].starts_with(b"\n") || start[3..].starts_with(b"\r") => Some(Kind::Ply),
+        _ if word.eq_ignore_ascii_case(b"solid") && has_word(start, b"facet") => Some(Kind::Stl),
         _ if word.eq_ignore_ascii_case(b"MeshVersionFormatted") => Some(Kind::Mesh),
         _ => None,
     }
+}
+
+/// Whether a word stands in the first bytes, in either case.
+fn has_word(bytes: &[u8], word: &[u8]) -> bool {
+    bytes[..bytes.len().min(500)].windows(word.len()).any(|w| w.eq_ignore_ascii_case(word))
 }
 
 /// What every reader must have established, checked once for all of them.
@@ -111,5 +121,8 @@ mod tests {
         assert_eq!(kind_of("a.OBJ", b"v 0 0 0"), Some(Kind::Obj));
         assert_eq!(kind_of("a.obj", b"COFF\n1 2"), Some(Kind::Off));
         assert_eq!(kind_of("a.txt", b"hello"), None);
+        assert_eq!(kind_of("a.obj", b"solid x\n  FACET normal"), Some(Kind::Stl));
+        assert_eq!(kind_of("a.stl", b"ply made this binary"), Some(Kind::Stl));
+        assert_eq!(kind_of("a.stl", b"ply\r\nformat"), Some(Kind::Ply));
     }
 }
