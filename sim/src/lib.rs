@@ -27,18 +27,28 @@ mod body;
 mod faults;
 mod line;
 mod motion;
+#[cfg(feature = "serve")]
+mod motion_file;
 mod preset;
 mod procedural;
 mod puppet;
 mod random;
+#[cfg(feature = "serve")]
+mod retarget;
 pub mod rotation;
 mod sensors;
+#[cfg(feature = "serve")]
+pub mod serve;
 mod settings;
 mod timeline;
 
 pub use body::{Body, BodyBuilder, BodyError, BodyPart};
 pub use faults::{Faults, NoiseBurst, SensorFault, SensorFaultKind, Truth, Unplugging};
 pub use motion::{JointTrack, Motion, TrackEnd};
+#[cfg(feature = "serve")]
+pub use motion_file::{MotionFileError, puppet_from_motion};
 pub use puppet::Puppet;
+#[cfg(feature = "serve")]
+pub use retarget::{Retargeted, retarget};
 pub use rotation::Rotation;
 pub use settings::{PuppetSettings, SettingsError};

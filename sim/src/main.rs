@@ -1,0 +1,75 @@
+//! `armature-sim`: serves an emulated puppet on a pseudo-terminal or over TCP.
+
+use std::io::{self, Write as _};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use armature_sim::serve::{self, Options, ServeReport};
+use clap::Parser;
+
+/// Emulates a puppet behind the wire protocol.
+///
+/// Prints one line, the address that it is served at (`serial:/dev/pts/N` or `tcp:HOST:PORT`), and serves until it is
+/// stopped; then tells what really happened, to compare with what the host believes.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    after_help = "Examples:\n  armature-sim human --motion walk\n  armature-sim walk.bvh --tcp \
+                                 127.0.0.1:7000\n  armature-sim human --motion walk.bvh --flip 1e-4 --burst 3:1 \
+                                 --pull left_elbow@5:2"
+)]
+struct Cli {
+    #[command(flatten)]
+    options: Options,
+    /// Serve over TCP at this address (port 0: the system chooses)
+    #[arg(long, value_name = "HOST:PORT", conflicts_with = "pty")]
+    tcp: Option<String>,
+    /// Serve on a pseudo-terminal, which looks like a serial port; so it does without this option
+    #[arg(long)]
+    pty: bool,
+    /// Stop when standard input ends, as it does when the program that started this one is gone
+    #[arg(long)]
+    until_input_ends: bool,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    match run(&cli) {
+        Ok(report) => {
+            eprintln!("{report:#?}");
+            ExitCode::SUCCESS
+        }
+        Err(Failure::Options(error)) => fail(&error, 3),
+        Err(Failure::Serve(error)) => fail(&error, 4),
+    }
+}
+
+enum Failure {
+    Options(serve::OptionsError),
+    Serve(serve::ServeError),
+}
+
+fn run(cli: &Cli) -> Result<ServeReport, Failure> {
+    let puppet = cli.options.puppet().map_err(Failure::Options)?;
+    let settings = cli.options.serve_settings();
+    let stop = Arc::new(AtomicBool::new(false));
+    if cli.until_input_ends {
+        serve::stop_when_input_ends(Arc::clone(&stop));
+    }
+    let ready = |address: &str| {
+        let mut out = io::stdout();
+        // Whoever started this may have gone already; then nobody needs the address.
+        let _ = writeln!(out, "{address}").and_then(|()| out.flush());
+    };
+    let report = match &cli.tcp {
+        Some(address) => serve::tcp(puppet, address, &settings, &stop, ready),
+        None => serve::pty(puppet, &settings, &stop, ready),
+    };
+    report.map_err(Failure::Serve)
+}
+
+fn fail(error: &dyn std::error::Error, code: u8) -> ExitCode {
+    eprintln!("armature-sim: {error}");
+    ExitCode::from(code)
+}
