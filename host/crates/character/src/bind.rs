@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use armature_formats::{Model, ModelRig};
-use armature_geometry::{Influences, MeshError, NormalWeighting, TriangleMesh, vertex_normals};
+use armature_geometry::{Influences, InfluencesError, MeshError, NormalWeighting, TriangleMesh, vertex_normals};
 use armature_rig::{Skeleton, SkeletonError};
 use armature_weights::{BoneHeat, BoneHeatError, BoneHeatSettings, BoneSegment, SparsifyError, bone_heat, sparsify};
 use glam::DVec3;
@@ -92,6 +92,9 @@ pub enum BindError {
     /// The weights could not be made sparse.
     #[error(transparent)]
     Sparsify(#[from] SparsifyError),
+    /// The weights are not usable.
+    #[error(transparent)]
+    Influences(#[from] InfluencesError),
     /// The progress callback asked to stop.
     #[error("binding was cancelled while {stage}")]
     Cancelled {

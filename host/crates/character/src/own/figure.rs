@@ -28,7 +28,28 @@ pub(super) fn figure(field: &Field, detail: Detail) -> (TriangleMesh, Vec<[f32; 
         mirror(&mut positions, &mut normals, &mut triangles);
     }
     let mesh = TriangleMesh { vertices: positions.iter().map(DVec3::to_array).collect(), triangles };
+    soften_creases(&mesh, &mut normals);
     (mesh, normals.iter().map(|n| n.as_vec3().to_array()).collect())
+}
+
+/// In a crease (between two fingers) the field's gradient may be that of one side alone; there the mean over the
+/// triangles around is kept instead.
+fn soften_creases(mesh: &TriangleMesh, normals: &mut [DVec3]) {
+    let at = |v: u32| DVec3::from(mesh.vertices[v as usize]);
+    let mut around = vec![(DVec3::ZERO, 1.0_f64); normals.len()];
+    for &[a, b, c] in &mesh.triangles {
+        let flat = (at(b) - at(a)).cross(at(c) - at(a)).normalize_or_zero();
+        for v in [a, b, c] {
+            let (sum, least) = &mut around[v as usize];
+            *sum += flat;
+            *least = least.min(flat.dot(normals[v as usize]));
+        }
+    }
+    for (normal, (sum, least)) in normals.iter_mut().zip(around) {
+        if least < 0.5 {
+            *normal = sum.normalize_or(*normal);
+        }
+    }
 }
 
 /// Adds the mirror image in x; vertices at exactly x = 0 are shared.

@@ -128,7 +128,7 @@ pub(super) fn fingers() -> [Finger; 5] {
             let along = DVec3::new(sin, cos, 0.0) * libm::cos(bend) + DVec3::Z * libm::sin(bend);
             joints[k + 1] = joints[k] + along * (share * length);
         }
-        Finger { name, joints, radii: [1.08, 1.0, 0.92, 0.80].map(|r| r * radius) }
+        Finger { name, joints, radii: [1.01, 1.0, 0.92, 0.80].map(|r| r * radius) }
     };
     let thumb = [(0.020, 0.022, 0.008), (0.044, 0.053, 0.014), (0.0585, 0.080, 0.0155), (0.0670, 0.101, 0.0155)];
     [
@@ -137,10 +137,10 @@ pub(super) fn fingers() -> [Finger; 5] {
             joints: thumb.map(|(x, y, z)| DVec3::new(x, y, z)),
             radii: [0.0135, 0.0112, 0.0100, 0.0084],
         },
-        long("Index", DVec3::new(0.0300, 0.0910, 0.0), 0.13, 0.074, 0.0086),
-        long("Middle", DVec3::new(0.0098, 0.0940, 0.0), 0.02, 0.082, 0.0088),
-        long("Ring", DVec3::new(-0.0105, 0.0900, 0.0), -0.09, 0.076, 0.0083),
-        long("Little", DVec3::new(-0.0295, 0.0820, 0.0), -0.21, 0.060, 0.0074),
+        long("Index", DVec3::new(0.0300, 0.0910, 0.0), 0.15, 0.074, 0.0086),
+        long("Middle", DVec3::new(0.0098, 0.0940, 0.0), 0.025, 0.082, 0.0088),
+        long("Ring", DVec3::new(-0.0105, 0.0900, 0.0), -0.10, 0.076, 0.0083),
+        long("Little", DVec3::new(-0.0295, 0.0820, 0.0), -0.24, 0.060, 0.0074),
     ]
 }
 
@@ -171,7 +171,7 @@ pub(super) fn palm_parts(hand: &Hand) -> Vec<(Loft, f64)> {
 /// One group a finger, so that neighbours hardly blend.
 pub(super) fn finger_groups(hand: &Hand, mirrored: bool) -> Vec<Group> {
     let group = |finger: &Finger| {
-        let blend = (if finger.name == "Thumb" { 0.018 } else { 0.012 }) * hand.scale;
+        let blend = (if finger.name == "Thumb" { 0.018 } else { 0.015 }) * hand.scale;
         let mut group = if mirrored { Group::mirrored(blend, blend) } else { Group::new(blend) };
         for k in 0..3 {
             let ends = [finger.joints[k], finger.joints[k + 1]];

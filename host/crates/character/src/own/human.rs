@@ -74,6 +74,8 @@ pub(super) fn ribs() -> Vec<(&'static str, [DVec3; 2])> {
     let across = |y: f64, half: f64, z: f64| [at(-half, y, z), at(half, y, z)];
     let mut ribs = vec![
         ("Hips", across(0.965, 0.105, -0.005)),
+        ("Hips", across(0.895, 0.045, -0.045)),
+        ("Hips", across(0.885, 0.035, 0.015)),
         ("Spine", across(1.085, 0.075, -0.004)),
         ("Chest", across(1.205, 0.090, -0.004)),
         ("Chest", across(1.265, 0.105, -0.004)),

@@ -5,6 +5,7 @@ mod field;
 mod figure;
 mod hand;
 mod human;
+mod mirror_weights;
 mod polygonise;
 mod remesh;
 mod spider;
@@ -21,6 +22,7 @@ use crate::{BindError, BindSettings, Character, Provenance};
 
 use field::Field;
 use figure::{Detail, figure};
+use mirror_weights::mirror_weights;
 
 /// A human figure in a T-pose, 1.75 units tall, with the bone names of Unity's `HumanBodyBones` (and VMC).
 pub fn human() -> Result<Character, BindError> {
@@ -55,6 +57,9 @@ fn make(
     let mut character = bind_with_ribs(model, Some(skeleton), &ribs, &BindSettings::default(), go_on)?;
     if let Provenance::BoneHeat(record) = character.provenance {
         character.provenance = Provenance::Generated(record);
+    }
+    if field.symmetric {
+        character.influences = mirror_weights(&character.mesh, &character.skeleton, &character.influences)?;
     }
     // Written for the user's own models; ours were looked at, and are tested.
     character.warnings.clear();
