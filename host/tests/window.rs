@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use armature::app::engine::{CharacterChoice, Command, EngineEvent, EngineLink, FoundDevice, Problem, link};
 use armature::app::{Start, Window};
-use eframe::egui::{Key, Vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
@@ -50,6 +50,16 @@ impl Stage {
 
     fn press(&mut self, key: Key) {
         self.harness.key_press(key);
+        self.harness.run_steps(2);
+    }
+
+    fn click_at(&mut self, pos: Pos2) {
+        self.harness.event(Event::PointerMoved(pos));
+        for pressed in [true, false] {
+            let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+            self.harness.event(Event::PointerButton { pos, button, pressed, modifiers });
+            self.harness.run_steps(1);
+        }
         self.harness.run_steps(2);
     }
 
@@ -114,7 +124,9 @@ fn presets_addresses_and_ports_connect() {
         EngineEvent::Disconnected { problem: None },
         EngineEvent::Devices(vec![FoundDevice { address: "serial:/dev/ttyACM0".into(), label: "Puppet hub".into() }]),
     ]);
-    stage.click("Puppet hub\nserial:/dev/ttyACM0");
+    stage.snapshot("8-ports");
+    stage.harness.get_by_label_contains("Puppet hub").click();
+    stage.harness.run_steps(2);
     assert_eq!(stage.commands(), [Command::Connect("serial:/dev/ttyACM0".into())]);
     stage.tell([EngineEvent::Disconnected { problem: None }]);
     stage.click("Refresh");
@@ -160,6 +172,7 @@ fn a_joint_shows_its_bone_its_states_and_blinks() {
     let mut stage = connected();
     assert!(stage.sees("400 Hz") && stage.sees("0.31 / 0.84 ms"));
     stage.snapshot("3-live");
+    stage.snapshot("3-live");
     stage.click("forearm.L");
     assert!(stage.sees("moves the bone forearm.L"));
     stage.snapshot("6-selected");
@@ -167,6 +180,16 @@ fn a_joint_shows_its_bone_its_states_and_blinks() {
     assert!(matches!(stage.commands().as_slice(), [Command::Blink(uid)] if uid.0[11] == 6));
     stage.press(Key::Escape);
     assert!(!stage.sees("moves the bone forearm.L"));
+}
+
+#[test]
+fn a_click_on_the_character_selects_the_joint() {
+    let mut stage = connected();
+    // The spine is seen there from the camera's first place; see the snapshot `3-live`.
+    stage.click_at(pos2(766.0, 245.0));
+    assert_eq!(stage.harness.state().state().selected, Some(1), "the spine");
+    stage.click_at(pos2(1200.0, 500.0));
+    assert_eq!(stage.harness.state().state().selected, None, "nothing");
 }
 
 #[test]

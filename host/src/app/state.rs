@@ -148,6 +148,8 @@ pub struct State {
     pub selected: Option<usize>,
     /// Whether bones are drawn.
     pub show_bones: bool,
+    /// Whether the pose is of the puppet that is connected now, not of one before.
+    posed: bool,
     zeros: u64,
 }
 
@@ -172,6 +174,7 @@ impl Default for State {
             notices: Vec::new(),
             selected: None,
             show_bones: true,
+            posed: false,
             zeros: 0,
         }
     }
@@ -183,6 +186,7 @@ impl State {
         match event {
             EngineEvent::Frame(frame) => {
                 self.frame_number += 1;
+                self.posed = true;
                 return self.frame.replace(frame);
             }
             EngineEvent::Connecting { address } => {
@@ -303,12 +307,12 @@ impl State {
 
     /// Whether poses arrive.
     pub fn is_live(&self) -> bool {
-        matches!(self.connection, Connection::On { .. }) && self.frame.is_some()
+        matches!(self.connection, Connection::On { .. }) && self.posed
     }
 
     /// State and angle (radians, `None` without data) of a sensor.
     pub fn reading(&self, sensor: usize) -> (SensorState, Option<f32>) {
-        let Some(frame) = &self.frame else { return (SensorState::NoData, None) };
+        let Some(frame) = self.frame.as_ref().filter(|_| self.posed) else { return (SensorState::NoData, None) };
         let state = frame.states.get(sensor).copied().unwrap_or_default();
         let angle = frame.angles.get(sensor).copied().filter(|angle| angle.is_finite());
         if state == SensorState::NoData { (state, None) } else { (state, angle) }
@@ -355,6 +359,7 @@ impl State {
     }
 
     fn forget_puppet(&mut self) {
+        self.posed = false;
         self.tree = None;
         self.rows.clear();
         self.bone_of_part.clear();

@@ -85,8 +85,10 @@ fn a_lost_puppet_leaves_the_character_and_a_remedy() {
     state.update_state(EngineEvent::Disconnected { problem: Some(problem("The cable was pulled.")) });
     assert!(state.character.is_some() && state.tree.is_none() && state.recording.is_none());
     assert_eq!(state.notices.len(), 1);
+    assert_eq!(state.reading(0), (SensorState::NoData, None));
     state.update_state(EngineEvent::Connected { address: "x".into(), device: "y".into() });
     assert!(state.notices.is_empty(), "a new connection answers the old problem");
+    assert!(!state.is_live(), "the pose of the puppet before is not one of this puppet");
 }
 
 #[test]

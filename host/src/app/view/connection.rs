@@ -12,6 +12,9 @@ const SIMULATED: [(&str, &str, &str); 3] = [
     ("Hand", "sim:hand", "A simulated hand with five fingers"),
 ];
 
+/// Three and a half serial ports, so that one sees when there are more.
+const PORTS_HEIGHT: f32 = 130.0;
+
 /// Name of the program and whether there is a puppet.
 pub(super) fn header(ui: &mut Ui, state: &State) {
     ui.horizontal(|ui| {
@@ -96,11 +99,16 @@ fn serial_ports(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     if state.devices.is_empty() {
         widgets::quiet(ui, "None found. Plug the puppet in, then refresh.");
     }
-    for device in &state.devices {
-        let text = format!("{}\n{}", device.label, device.address);
-        if widgets::wide(ui, egui::Button::new(text).truncate(), 44.0).on_hover_text("Connect to this puppet").clicked()
-        {
-            actions.push(Action::Connect(device.address.clone()));
+    egui::ScrollArea::vertical().max_height(PORTS_HEIGHT).show(ui, |ui| {
+        ui.spacing_mut().item_spacing.y = 6.0;
+        for device in &state.devices {
+            let port = device.address.strip_prefix("serial:").unwrap_or(&device.address);
+            let label = RichText::new(&device.label).size(11.5).color(theme::QUIET);
+            let button = egui::Button::new(port).right_text(label).truncate();
+            let response = widgets::wide(ui, button, 32.0);
+            if response.on_hover_text(format!("Connect to {}", device.label)).clicked() {
+                actions.push(Action::Connect(device.address.clone()));
+            }
         }
-    }
+    });
 }

@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Align, Color32, Layout, RichText, Ui};
 
-use super::widgets::{self, clock, grouped};
+use super::widgets::{self, clock, grouped, sentence};
 use crate::app::state::{Action, SavedTake, State, Zeroed};
 use crate::app::theme;
 
@@ -17,10 +17,12 @@ pub(super) fn show(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     for (index, notice) in state.notices.iter().enumerate().rev() {
         card(ui, theme::RED, |ui| {
             let times = if notice.count > 1 { format!("  (×{})", notice.count) } else { String::new() };
-            title(ui, &format!("{}{times}", notice.problem.what), "Dismiss", || {
+            title(ui, &format!("{}{times}", sentence(&notice.problem.what)), "Dismiss", || {
                 actions.push(Action::DismissNotice(index));
             });
-            widgets::quiet(ui, notice.problem.remedy.as_str());
+            if !notice.problem.remedy.is_empty() {
+                widgets::quiet(ui, sentence(&notice.problem.remedy));
+            }
         });
     }
     if let Some(take) = &state.saved {

@@ -10,7 +10,7 @@ pub(super) fn show(ui: &mut Ui, state: &State, adapter: &str) {
     ui.horizontal_centered(|ui| {
         ui.spacing_mut().item_spacing.x = 6.0;
         match (&state.connection, &state.frame) {
-            (Connection::On { .. }, Some(frame)) => {
+            (Connection::On { .. }, Some(frame)) if state.is_live() => {
                 let stats = &frame.stats;
                 let alarm = |count: u64| if count == 0 { theme::TEXT } else { theme::AMBER };
                 item(ui, "Rate", &format!("{:.0} Hz", stats.samples_per_second), theme::TEXT, "Samples a second");

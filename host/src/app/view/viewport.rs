@@ -116,7 +116,7 @@ impl Viewport {
                 "No puppet connected",
                 "Press Space to start a simulated one, or plug a puppet in and choose its port on the left.",
             ),
-            (Some(_), Connection::On { .. }) if state.frame.is_none() => {
+            (Some(_), Connection::On { .. }) if !state.is_live() => {
                 ("Connected", "Waiting for the first sample of the puppet.")
             }
             _ => return,
@@ -167,7 +167,8 @@ fn title(ui: &mut Ui, rect: Rect, state: &State, files: &mut Files, actions: &mu
         });
         if let Some(character) = &state.character {
             let triangles = widgets::grouped(character.triangles.len() as u64);
-            let line = format!("{}: {triangles} triangles, {} bones", character.name, character.skeleton.len());
+            let name = widgets::capitalised(&character.name);
+            let line = format!("{name}: {triangles} triangles, {} bones", character.skeleton.len());
             ui.label(RichText::new(line).size(12.0).color(theme::QUIET));
         }
     });

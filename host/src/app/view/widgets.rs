@@ -115,6 +115,18 @@ pub(super) fn record(ui: &mut Ui, recording: Option<f64>, enabled: bool, size: V
     response
 }
 
+/// With a capital at the beginning.
+pub(super) fn capitalised(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
+}
+
+/// As a sentence: errors come without capital and full stop, to be put after a colon.
+pub(super) fn sentence(text: &str) -> String {
+    let text = capitalised(text.trim());
+    if text.is_empty() || text.ends_with(['.', '!', '?']) { text } else { text + "." }
+}
+
 /// Minutes, seconds and tenths: "1:04.2".
 pub(super) fn clock(seconds: f64) -> String {
     // A float cast saturates; what is no number becomes zero.
@@ -146,5 +158,8 @@ mod tests {
         assert_eq!(clock(-3.0), "0:00.0");
         assert_eq!(grouped(1_234_567).replace('\u{2009}', " "), "1 234 567");
         assert_eq!(grouped(999), "999");
+        assert_eq!(sentence("the puppet is silent "), "The puppet is silent.");
+        assert_eq!(sentence("Why?"), "Why?");
+        assert_eq!(sentence(""), "");
     }
 }
