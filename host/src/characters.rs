@@ -34,7 +34,8 @@ pub fn find(source: &str, progress: Progress) -> Result<Found, Failure> {
     match files::extension_of(path).as_str() {
         "armature" => {
             let read = armature_character::from_bytes(&files::read(path)?);
-            let character = read.map_err(|e| Failure::input(format!("{source}: {e}"), "bind the model again with `armature bind`"))?;
+            let character = read
+                .map_err(|e| Failure::input(format!("{source}: {e}"), "bind the model again with `armature bind`"))?;
             Ok(found(source, character))
         }
         "bvh" | "tgf" => {
@@ -103,7 +104,8 @@ pub fn bind_cached(
         return Ok(Bound { character, from_cache: true });
     }
     let given = skeleton.map(inputs::skeleton).transpose()?;
-    let character = armature_character::bind(model.clone(), given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
+    let character =
+        armature_character::bind(model.clone(), given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
     if let Some(path) = &cached
         && let Err(failure) = files::write(path, &armature_character::to_bytes(&character))
     {
@@ -118,9 +120,10 @@ fn bind_failure(mesh: &Path, error: &armature_character::BindError) -> Failure {
     match error {
         BindError::NoSkeleton => Failure::input(what, format!("armature bind {} --skeleton BONES.tgf", mesh.display())),
         BindError::Cancelled { .. } => Failure::usage(what, ""),
-        BindError::Heat(_) | BindError::Sparsify(_) => {
-            Failure::not_converged(what, format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()))
-        }
+        BindError::Heat(_) | BindError::Sparsify(_) => Failure::not_converged(
+            what,
+            format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()),
+        ),
         _ => Failure::input(what, format!("`armature inspect {}` says more", mesh.display())),
     }
 }

@@ -13,7 +13,9 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     let bad = |error: &std::io::Error| {
         let remedy = match error.kind() {
             std::io::ErrorKind::NotFound => "check the spelling and the folder".to_string(),
-            std::io::ErrorKind::PermissionDenied => "the file may not be read by you; change its permissions".to_string(),
+            std::io::ErrorKind::PermissionDenied => {
+                "the file may not be read by you; change its permissions".to_string()
+            }
             _ => String::new(),
         };
         Failure::input(format!("{}: {error}", path.display()), remedy)
@@ -23,7 +25,11 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
         return Err(Failure::input(format!("{} is a folder", path.display()), "name a file in it"));
     }
     if metadata.len() > LARGEST_INPUT {
-        let what = format!("{} has {} bytes, more than the {LARGEST_INPUT} this program reads", path.display(), metadata.len());
+        let what = format!(
+            "{} has {} bytes, more than the {LARGEST_INPUT} this program reads",
+            path.display(),
+            metadata.len()
+        );
         return Err(Failure::input(what, "split the file or reduce the mesh"));
     }
     std::fs::read(path).map_err(|e| bad(&e))
@@ -32,7 +38,10 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
 /// Writes a whole file so that a failure or a crash leaves the old one as it was: first beside it, then renamed.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let bad = |error: std::io::Error| {
-        Failure::input(format!("{} cannot be written: {error}", path.display()), "choose a folder you may write to that has room")
+        Failure::input(
+            format!("{} cannot be written: {error}", path.display()),
+            "choose a folder you may write to that has room",
+        )
     };
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(bad)?;
@@ -71,7 +80,8 @@ pub fn neighbours(path: &Path) -> impl Fn(&str) -> Result<Vec<u8>, String> + use
     let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
     move |name: &str| {
         let relative = Path::new(name);
-        let leaves_folder = relative.components().any(|c| !matches!(c, std::path::Component::Normal(_) | std::path::Component::CurDir));
+        let leaves_folder =
+            relative.components().any(|c| !matches!(c, std::path::Component::Normal(_) | std::path::Component::CurDir));
         if leaves_folder {
             return Err(format!("{name:?} lies outside the model's folder"));
         }

@@ -36,7 +36,10 @@ pub fn motion(path: &Path) -> Result<Motion, Failure> {
         "glb" | "gltf" => model(path)?.motions.into_iter().next().map(|(_, motion)| motion).ok_or_else(|| {
             Failure::input(format!("{} holds no animation", path.display()), "choose a file with a clip, or a BVH file")
         }),
-        _ => Err(Failure::usage(format!("{} is no motion file", path.display()), "motions are read from .bvh, .glb and .gltf")),
+        _ => Err(Failure::usage(
+            format!("{} is no motion file", path.display()),
+            "motions are read from .bvh, .glb and .gltf",
+        )),
     }
 }
 
@@ -47,12 +50,19 @@ pub fn skeleton(path: &Path) -> Result<Skeleton, Failure> {
             let file = path.display().to_string();
             let graph = armature_formats::read_tgf(&files::read(path)?).map_err(|e| e.in_file(&file))?;
             let made = armature_formats::skeleton_from_graph(&graph, None);
-            made.map(|s| s.skeleton).map_err(|e| Failure::input(format!("{file}: {e}"), "correct the edges below the '#'"))
+            made.map(|s| s.skeleton)
+                .map_err(|e| Failure::input(format!("{file}: {e}"), "correct the edges below the '#'"))
         }
         "bvh" => Ok(motion(path)?.skeleton),
         "glb" | "gltf" => model(path)?.rig.map(|rig| rig.skeleton).ok_or_else(|| {
-            Failure::input(format!("{} holds no skin", path.display()), "export it with its armature, or give a TGF or BVH skeleton")
+            Failure::input(
+                format!("{} holds no skin", path.display()),
+                "export it with its armature, or give a TGF or BVH skeleton",
+            )
         }),
-        _ => Err(Failure::usage(format!("{} is no skeleton file", path.display()), "skeletons are read from .tgf, .bvh, .glb and .gltf")),
+        _ => Err(Failure::usage(
+            format!("{} is no skeleton file", path.display()),
+            "skeletons are read from .tgf, .bvh, .glb and .gltf",
+        )),
     }
 }

@@ -26,7 +26,11 @@ impl Bar {
     /// Shows a bar with a task's name.
     pub fn new(talk: Talk, task: &str) -> Self {
         let bar = ProgressBar::new(STEPS);
-        bar.set_draw_target(if talk.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(REDRAWS_PER_SECOND) });
+        bar.set_draw_target(if talk.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr_with_hz(REDRAWS_PER_SECOND)
+        });
         if let Ok(style) = ProgressStyle::with_template("{spinner} {msg:32} [{bar:32}] {percent:>3} %  {elapsed}") {
             bar.set_style(style.progress_chars("━╸ "));
         }

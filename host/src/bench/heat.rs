@@ -74,6 +74,9 @@ fn blender_seconds(python: &Path, mesh: &Path, skeleton: &Path) -> Result<f64, F
         .output()
         .map_err(|e| failed(format!("{} does not start: {e}", python.display())))?;
     let text = String::from_utf8_lossy(&output.stdout);
-    let seconds = text.lines().rev().find_map(|line| serde_json::from_str::<serde_json::Value>(line).ok()?["seconds"].as_f64());
-    seconds.ok_or_else(|| failed(format!("{} said no time: {}", script.display(), String::from_utf8_lossy(&output.stderr))))
+    let seconds =
+        text.lines().rev().find_map(|line| serde_json::from_str::<serde_json::Value>(line).ok()?["seconds"].as_f64());
+    seconds.ok_or_else(|| {
+        failed(format!("{} said no time: {}", script.display(), String::from_utf8_lossy(&output.stderr)))
+    })
 }

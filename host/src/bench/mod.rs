@@ -102,7 +102,9 @@ pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
         return Ok(());
     }
     if cfg!(debug_assertions) && !args.json {
-        eprintln!("note: this is a development build; numbers count in a release build (`cargo run --release -- bench`)");
+        eprintln!(
+            "note: this is a development build; numbers count in a release build (`cargo run --release -- bench`)"
+        );
     }
     for benchmark in chosen {
         for measurement in (benchmark.run)(args)?.iter().filter(|m| asked(m.name)) {

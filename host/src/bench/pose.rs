@@ -46,11 +46,11 @@ fn skin() -> Result<Measurement, Failure> {
     let (mut out, mut normals) = (positions.clone(), positions);
     let mut outcome = Ok(());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| failed(e.to_string()))?;
-    let seconds = pool.install(|| {
-        time_runs(SKIN_RUNS, || outcome = skin.solve(black_box(&pose), &mut out, &mut normals))
-    });
+    let seconds =
+        pool.install(|| time_runs(SKIN_RUNS, || outcome = skin.solve(black_box(&pose), &mut out, &mut normals)));
     outcome.map_err(|e| failed(e.to_string()))?;
-    Ok(Measurement::new("skin/lbs-43k", median(&seconds) * 1e3, "ms", SKIN_RUNS).at_most(0.5, "at most 0.5 ms on one core"))
+    Ok(Measurement::new("skin/lbs-43k", median(&seconds) * 1e3, "ms", SKIN_RUNS)
+        .at_most(0.5, "at most 0.5 ms on one core"))
 }
 
 fn spiral(i: f32) -> [f32; 3] {

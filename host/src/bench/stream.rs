@@ -14,8 +14,12 @@ use crate::engine::perform::{self, Plan};
 use crate::engine::performance::{Performance, ZeroPolicy};
 use crate::failure::Failure;
 
-pub(super) const NAMES: &[&str] =
-    &["stream/32x3-1000hz-lost", "stream/32x3-1000hz-rate", "stream/32x3-1000hz-latency-p50", "stream/32x3-1000hz-latency-p99"];
+pub(super) const NAMES: &[&str] = &[
+    "stream/32x3-1000hz-lost",
+    "stream/32x3-1000hz-rate",
+    "stream/32x3-1000hz-latency-p50",
+    "stream/32x3-1000hz-latency-p99",
+];
 
 const PUPPET: &str = "sim:joints:32";
 const SAMPLES_PER_SECOND: f64 = 1000.0;
@@ -23,7 +27,7 @@ const SAMPLES_PER_SECOND: f64 = 1000.0;
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let found = characters::find("human", &mut |_| ControlFlow::Continue(()))?;
     let performance = Performance::new(Arc::new(found.actor), None, Calibration::default(), ZeroPolicy::AtStart)?;
-    let simulated = SimulatedArgs { motion: "wiggle".into(), ..SimulatedArgs::default() };
+    let simulated = SimulatedArgs { motion: Some("wiggle".into()), ..SimulatedArgs::default() };
     let live = Live::connect(PUPPET, &simulated)?;
     live.start(SAMPLES_PER_SECOND);
     let plan = Plan { seconds: Some(args.stream_seconds), record: None, header: Header::default() };

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use armature_sim::serve;
 use clap::{Args, Parser, Subcommand};
 
 use crate::commands;
@@ -17,6 +18,9 @@ Try it without any hardware:
   armature run --device sim:spider --character spider --seconds 5 --record spider.take
   armature export spider.take --to spider.glb      open it in Blender, Maya or Unreal
   armature                                         the window";
+
+/// What a preset does unless told otherwise.
+const PRESET_MOTION: &str = "walk+wave";
 
 /// Armature: hold a character in your hands.
 ///
@@ -57,7 +61,7 @@ enum Command {
     /// Measure: the benchmarks by name
     Bench(BenchArgs),
     /// Serve a simulated puppet on a pseudo-terminal or a TCP port (what `--device sim:…` does in a second process)
-    Sim(SimArgs),
+    Sim(Box<SimArgs>),
     /// Open the window (the same as no subcommand)
     Window(WindowArgs),
 }
@@ -154,52 +158,65 @@ pub struct RunArgs {
 
 /// What a simulated puppet does.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Simulated puppet")]
+#[command(next_help_heading = "Simulated puppet (more in `armature sim --help`)")]
 pub struct SimulatedArgs {
-    /// rest, walk, wave, walk+wave, wiggle, or a BVH file
-    #[arg(long, default_value = "walk+wave")]
-    pub motion: String,
+    /// rest, walk, wave, walk+wave, wiggle, or a BVH file; a puppet made from a BVH file plays that file
+    #[arg(long)]
+    pub motion: Option<String>,
     /// The same seed gives the same bytes
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Chance that a byte on the wire is damaged
-    #[arg(long, default_value_t = 0.0, value_parser = probability)]
+    #[arg(long, value_name = "CHANCE", default_value_t = 0.0)]
     pub flip: f64,
     /// Chance that a byte on the wire is lost
-    #[arg(long, default_value_t = 0.0, value_parser = probability)]
+    #[arg(long, value_name = "CHANCE", default_value_t = 0.0)]
     pub drop: f64,
     /// Noise in place of data, as START:SECONDS
     #[arg(long, value_name = "START:SECONDS")]
-    pub noise: Option<String>,
+    pub burst: Vec<String>,
+    /// A part that is pulled out with all that hangs on it, as `left_elbow@START:SECONDS`
+    #[arg(long, value_name = "PART@START[:SECONDS]")]
+    pub pull: Vec<String>,
+    /// When the puppet loses power and starts anew
+    #[arg(long, value_name = "SECONDS")]
+    pub restart: Vec<f64>,
 }
 
 impl Default for SimulatedArgs {
     fn default() -> Self {
-        Self { motion: crate::engine::simulated::DEFAULT_MOTION.into(), seed: 1, flip: 0.0, drop: 0.0, noise: None }
+        Self { motion: None, seed: 1, flip: 0.0, drop: 0.0, burst: Vec::new(), pull: Vec::new(), restart: Vec::new() }
     }
 }
 
 impl SimulatedArgs {
-    /// The command line that gives the same again, for the second process.
-    pub fn to_arguments(&self) -> Vec<String> {
-        let mut arguments = vec![
-            format!("--motion={}", self.motion),
-            format!("--seed={}", self.seed),
-            format!("--flip={}", self.flip),
-            format!("--drop={}", self.drop),
-        ];
-        arguments.extend(self.noise.as_ref().map(|noise| format!("--noise={noise}")));
-        arguments
+    /// The simulator's own options for the puppet of this name.
+    pub fn options(&self, puppet: &str) -> serve::Options {
+        let is_preset = std::path::Path::new(puppet).extension().is_none();
+        let own_motion = if is_preset { Some(PRESET_MOTION.to_string()) } else { None };
+        serve::Options {
+            puppet: puppet.to_string(),
+            motion: self.motion.clone().or(own_motion),
+            seed: self.seed,
+            flip: self.flip,
+            drop: self.drop,
+            burst: self.burst.clone(),
+            pull: self.pull.clone(),
+            restart: self.restart.clone(),
+            ..serve::Options::default()
+        }
     }
 
-    /// The noise burst asked for: `(start, seconds)`.
-    pub fn noise_burst(&self) -> Result<Option<(f64, f64)>, Failure> {
-        let Some(text) = &self.noise else { return Ok(None) };
-        let parts = text.split_once(':').and_then(|(start, length)| Some((start.parse().ok()?, length.parse().ok()?)));
-        match parts {
-            Some((start, length)) if (0.0..1e6).contains(&start) && (0.0..1e6).contains(&length) => Ok(Some((start, length))),
-            _ => Err(Failure::usage(format!("--noise {text:?} is not START:SECONDS"), "for one second of noise after three: --noise 3:1")),
-        }
+    /// The same as a command line for a second process.
+    pub fn arguments(&self, puppet: &str) -> Vec<String> {
+        let options = self.options(puppet);
+        let mut arguments = vec![options.puppet, format!("--seed={}", options.seed)];
+        arguments.extend(options.motion.map(|motion| format!("--motion={motion}")));
+        arguments.extend([format!("--flip={}", options.flip), format!("--drop={}", options.drop)]);
+        arguments.extend(options.burst.iter().map(|burst| format!("--burst={burst}")));
+        arguments.extend(options.pull.iter().map(|pull| format!("--pull={pull}")));
+        arguments.extend(options.restart.iter().map(|restart| format!("--restart={restart}")));
+        arguments
     }
 }
 
@@ -260,15 +277,15 @@ pub struct BenchArgs {
 /// `armature sim`
 #[derive(Debug, Args)]
 pub struct SimArgs {
-    /// human, spider, hand, joints:N, or a BVH file
-    #[arg(default_value = "human")]
-    pub puppet: String,
+    /// The puppet and what goes wrong.
+    #[command(flatten)]
+    pub options: serve::Options,
     /// Serve on this TCP address in place of a pseudo-terminal; port 0 picks a free one
     #[arg(long, value_name = "HOST:PORT")]
     pub tcp: Option<String>,
-    /// What a simulated puppet does.
-    #[command(flatten)]
-    pub simulated: SimulatedArgs,
+    /// Stop when standard input ends, as it does when the program that started this one is gone
+    #[arg(long)]
+    pub until_input_ends: bool,
 }
 
 /// `armature window`
@@ -299,11 +316,6 @@ fn sample_rate(text: &str) -> Result<f64, String> {
 fn influence_count(text: &str) -> Result<usize, String> {
     let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
     if (1..=8).contains(&count) { Ok(count) } else { Err("give 1 to 8; most engines take 4".into()) }
-}
-
-fn probability(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
-    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err("a chance lies between 0 and 1".into()) }
 }
 
 /// Parses the command line and does what it says.
@@ -343,8 +355,9 @@ fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
 
 fn init_logging(verbose: u8) {
     let default = ["warn", "info", "debug", "trace"][usize::from(verbose.min(3))];
-    let filter = tracing_subscriber::EnvFilter::try_from_env("ARMATURE_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("{default},wgpu_core=warn,wgpu_hal=error,naga=warn")));
+    let filter = tracing_subscriber::EnvFilter::try_from_env("ARMATURE_LOG").unwrap_or_else(|_| {
+        tracing_subscriber::EnvFilter::new(format!("{default},wgpu_core=warn,wgpu_hal=error,naga=warn"))
+    });
     let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time();
     // A second subscriber in one process (tests) keeps the first.
     let _ = subscriber.try_init();

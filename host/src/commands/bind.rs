@@ -27,7 +27,10 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
         let weights = match character.provenance {
             Provenance::Artist => "weights of the artist".to_string(),
             Provenance::BoneHeat(heat) | Provenance::Generated(heat) => {
-                format!("bone heat weights, residual {:.1e}, at most {:.3} of a weight dropped", heat.residual, heat.max_dropped)
+                format!(
+                    "bone heat weights, residual {:.1e}, at most {:.3} of a weight dropped",
+                    heat.residual, heat.max_dropped
+                )
             }
         };
         let cache = if bound.from_cache { " (from the cache)" } else { "" };

@@ -70,7 +70,10 @@ fn make_character(talk: Talk, say: &dyn Fn(String)) -> Result<Arc<Actor>, Failur
     let triangles = found.actor.shape.as_ref().map_or(0, |s| s.triangles.len());
     let bones = found.actor.skeleton.len();
     let seconds = start.elapsed().as_secs_f64();
-    say(format!("character  {} of our own: {triangles} triangles, {bones} bones, made in {seconds:.2} s", found.actor.name));
+    say(format!(
+        "character  {} of our own: {triangles} triangles, {bones} bones, made in {seconds:.2} s",
+        found.actor.name
+    ));
     Ok(Arc::new(found.actor))
 }
 
@@ -116,11 +119,20 @@ fn check_replay(take: &Take, talk: Talk, say: &dyn Fn(String)) -> Result<(), Fai
         let what = format!("{} of the recorded poses differ when solved again", verification.different);
         return Err(Failure::not_converged(what, "this is a defect; please report it with the take"));
     }
-    say(format!("replay     {} poses solved again from raw samples, all the same to the last bit", verification.identical));
+    say(format!(
+        "replay     {} poses solved again from raw samples, all the same to the last bit",
+        verification.identical
+    ));
     Ok(())
 }
 
-fn write_exports(take: &Take, actor: &Actor, outputs: &Outputs, talk: Talk, say: &dyn Fn(String)) -> Result<(), Failure> {
+fn write_exports(
+    take: &Take,
+    actor: &Actor,
+    outputs: &Outputs,
+    talk: Talk,
+    say: &dyn Fn(String),
+) -> Result<(), Failure> {
     let resample = ResampleSettings { frames_per_second: FRAMES_PER_SECOND, ..ResampleSettings::default() };
     let settings = ExportSettings { resample, ..ExportSettings::default() };
     for (path, target) in [(&outputs.glb, Target::Glb), (&outputs.bvh, Target::Bvh)] {

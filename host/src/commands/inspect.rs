@@ -34,7 +34,9 @@ type Findings = (Vec<String>, Value);
 
 fn inspect_model(path: &Path) -> Result<Findings, Failure> {
     let model = inputs::model(path)?;
-    let unusable = |e: armature_geometry::MeshError| Failure::input(format!("{}: {e}", path.display()), "repair the mesh and export it again");
+    let unusable = |e: armature_geometry::MeshError| {
+        Failure::input(format!("{}: {e}", path.display()), "repair the mesh and export it again")
+    };
     let diagnosis = diagnose(&model.mesh).map_err(unusable)?;
     let mut words = mesh_words(&diagnosis);
     if let Some(tetrahedra) = &model.tetrahedra {
@@ -46,7 +48,9 @@ fn inspect_model(path: &Path) -> Result<Findings, Failure> {
             rig.skeleton.len(),
             rig.influences.per_vertex()
         )),
-        None => words.push("brings no rig: bind needs --skeleton (TGF, BVH or glTF) and computes bone heat weights".into()),
+        None => {
+            words.push("brings no rig: bind needs --skeleton (TGF, BVH or glTF) and computes bone heat weights".into())
+        }
     }
     for (name, motion) in &model.motions {
         words.push(format!("clip {name:?}: {} frames, {:.2} s", motion.frames.len(), motion.duration_seconds()));
@@ -65,7 +69,13 @@ fn inspect_model(path: &Path) -> Result<Findings, Failure> {
 fn mesh_words(d: &Diagnosis) -> Vec<String> {
     let size: Vec<String> = (0..3).map(|k| format!("{:.4}", d.high[k] - d.low[k])).collect();
     let mut words = vec![
-        format!("{} vertices, {} triangles, {} component{}", d.vertices, d.triangles, d.components, plural(d.components)),
+        format!(
+            "{} vertices, {} triangles, {} component{}",
+            d.vertices,
+            d.triangles,
+            d.components,
+            plural(d.components)
+        ),
         format!("size {}, area {:.5}", size.join(" × "), d.area),
     ];
     let counts = [
@@ -113,7 +123,8 @@ fn diagnosis_json(d: &Diagnosis) -> Value {
 fn inspect_skeleton(skeleton: &Skeleton) -> Findings {
     let roots = skeleton.bones().iter().filter(|b| b.parent.is_none()).count();
     let hubs = skeleton.bones().iter().filter(|b| b.tail.length() <= 0.0).count();
-    let words = vec![format!("skeleton: {} bones, {roots} root{}, {hubs} without length", skeleton.len(), plural(roots))];
+    let words =
+        vec![format!("skeleton: {} bones, {roots} root{}, {hubs} without length", skeleton.len(), plural(roots))];
     let names: Vec<&str> = skeleton.bones().iter().map(|b| b.name.as_str()).collect();
     (words, json!({"kind": "skeleton", "bones": names, "roots": roots}))
 }
@@ -121,7 +132,11 @@ fn inspect_skeleton(skeleton: &Skeleton) -> Findings {
 fn inspect_motion(motion: &Motion) -> Findings {
     let (mut words, skeleton) = inspect_skeleton(&motion.skeleton);
     let fps = 1.0 / motion.frame_seconds;
-    words.push(format!("motion: {} frames at {fps:.3} a second, {:.2} s", motion.frames.len(), motion.duration_seconds()));
+    words.push(format!(
+        "motion: {} frames at {fps:.3} a second, {:.2} s",
+        motion.frames.len(),
+        motion.duration_seconds()
+    ));
     (words, json!({"kind": "motion", "frames": motion.frames.len(), "fps": fps, "skeleton": skeleton}))
 }
 

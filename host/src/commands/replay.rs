@@ -40,8 +40,12 @@ fn draw(take: &Take, args: &ReplayArgs, at: f64, path: &std::path::Path, talk: T
     let bar = Bar::new(talk, "drawing");
     let found = characters::find(&args.character, &mut bar.binding())?;
     if take.skeleton() != Some(&found.actor.skeleton) {
-        let what = format!("{} was recorded on another skeleton than that of {:?}", args.take.display(), args.character);
-        return Err(Failure::usage(what, format!("give --character the one it was recorded with ({:?})", take.header().character_name)));
+        let what =
+            format!("{} was recorded on another skeleton than that of {:?}", args.take.display(), args.character);
+        return Err(Failure::usage(
+            what,
+            format!("give --character the one it was recorded with ({:?})", take.header().character_name),
+        ));
     }
     let timeline = Timeline::recorded(take)
         .ok_or_else(|| Failure::input(format!("{} holds no pose", args.take.display()), "record it again"))?;

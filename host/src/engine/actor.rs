@@ -102,7 +102,8 @@ impl Actor {
 }
 
 fn decode(bytes: &[u8]) -> Result<Image, String> {
-    let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+    let mut reader =
+        image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(LARGEST_TEXTURE_SIDE);
     limits.max_image_height = Some(LARGEST_TEXTURE_SIDE);

@@ -36,8 +36,9 @@ impl Bridge {
                 counts_per_turn: part.counts_per_turn,
             });
         }
-        let tree = rig::JointTree::new(parts)
-            .map_err(|e| Failure::device(e.to_string(), "unplug and replug that part, or update the device's firmware"))?;
+        let tree = rig::JointTree::new(parts).map_err(|e| {
+            Failure::device(e.to_string(), "unplug and replug that part, or update the device's firmware")
+        })?;
         let unknown_parts = topology.parts.iter().filter(|p| matches!(p.kind, device::PartKind::Other(_))).count();
         Ok(Self { epoch: topology.epoch, tree, columns, unknown_parts, sample: rig::RawSample::default() })
     }
@@ -82,7 +83,9 @@ fn rig_kind(part: &device::Part) -> rig::PartKind {
         device::PartKind::Bend => rig::PartKind::Bend,
         device::PartKind::Twist => rig::PartKind::Twist,
         device::PartKind::TwistBendTwist => rig::PartKind::TwistBendTwist,
-        device::PartKind::Splitter | device::PartKind::Other(_) => rig::PartKind::Splitter { outlets: part.outlet_count },
+        device::PartKind::Splitter | device::PartKind::Other(_) => {
+            rig::PartKind::Splitter { outlets: part.outlet_count }
+        }
     }
 }
 

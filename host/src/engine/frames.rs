@@ -60,15 +60,9 @@ pub fn fill<W: Write>(frame: &mut Frame, stage: &Stage<W>, clock: &FrameClock, c
     frame.normals.extend_from_slice(normals);
     frame.bones.clear();
     let bones = performance.actor().skeleton.bones();
-    frame.bones.extend(
-        performance
-            .model_from_bone()
-            .iter()
-            .zip(bones)
-            .map(|(model_from_bone, bone)| {
-                (model_from_bone.translation.into(), model_from_bone.transform_point3(bone.tail).into())
-            }),
-    );
+    frame.bones.extend(performance.model_from_bone().iter().zip(bones).map(|(model_from_bone, bone)| {
+        (model_from_bone.translation.into(), model_from_bone.transform_point3(bone.tail).into())
+    }));
     fill_sensors(frame, stage);
     frame.stats = clock.stats(counters);
 }
@@ -107,7 +101,8 @@ pub fn device_line(info: &DeviceInfo) -> String {
 
 /// A character as the window draws it.
 pub fn view_of(actor: &Actor) -> CharacterView {
-    let mut view = CharacterView { name: actor.name.clone(), skeleton: actor.skeleton.clone(), ..CharacterView::default() };
+    let mut view =
+        CharacterView { name: actor.name.clone(), skeleton: actor.skeleton.clone(), ..CharacterView::default() };
     if let Some(shape) = &actor.shape {
         view.positions.clone_from(&shape.positions);
         view.normals.clone_from(&shape.normals);

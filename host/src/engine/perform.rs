@@ -161,7 +161,9 @@ impl Show<'_> {
     fn take_problem(&mut self, problem: &DeviceProblem) -> Result<(), Failure> {
         let failure = problem_failure(problem);
         match (self.began, problem) {
-            (None, DeviceProblem::Refused { .. } | DeviceProblem::NoAnswer { .. }) => tracing::warn!("{}", failure.what),
+            (None, DeviceProblem::Refused { .. } | DeviceProblem::NoAnswer { .. }) => {
+                tracing::warn!("{}", failure.what)
+            }
             (None, _) => return Err(failure),
             (Some(_), DeviceProblem::Disconnected { .. }) => self.trouble = Some(failure),
             (Some(_), _) => tracing::warn!("{}", failure.what),
@@ -174,7 +176,10 @@ impl Show<'_> {
             return Ok(());
         }
         Err(if self.stage.tree().is_none() {
-            Failure::device("the puppet did not describe itself", "unplug it, plug it in again, and look at `armature devices`")
+            Failure::device(
+                "the puppet did not describe itself",
+                "unplug it, plug it in again, and look at `armature devices`",
+            )
         } else {
             Failure::device(
                 "the puppet sends no sample with good readings, so its rest pose is not known",
@@ -241,7 +246,11 @@ impl fmt::Display for Summary {
         let rate = self.poses as f64 / self.seconds.max(1e-9);
         if let Some(device) = &self.device {
             let [major, minor] = device.protocol;
-            writeln!(f, "puppet     {} (protocol {major}.{minor}), {joints} joints drive {driven} of {bones} bones", device.name)?;
+            writeln!(
+                f,
+                "puppet     {} (protocol {major}.{minor}), {joints} joints drive {driven} of {bones} bones",
+                device.name
+            )?;
         }
         writeln!(f, "stream     {} poses in {:.2} s, {rate:.1} a second", self.poses, self.seconds)?;
         let counters = &self.counters;
@@ -255,7 +264,13 @@ impl fmt::Display for Summary {
         }
         if let Some((path, take)) = &self.take {
             let seconds = take.micros as f64 * 1e-6;
-            write!(f, "\ntake       {}: {} samples, {seconds:.2} s of device time, {} lost", path.display(), take.samples, take.lost)?;
+            write!(
+                f,
+                "\ntake       {}: {} samples, {seconds:.2} s of device time, {} lost",
+                path.display(),
+                take.samples,
+                take.lost
+            )?;
         }
         Ok(())
     }

@@ -131,9 +131,10 @@ impl Performance {
 
     /// Poses and skins the character by one sample.
     pub fn perform(&mut self, sample: &RawSample) -> Result<Step, Failure> {
-        let fits = self.solver.topology().is_some_and(|(epoch, tree)| {
-            epoch == sample.epoch && tree.sensor_count() == sample.counts.len()
-        });
+        let fits = self
+            .solver
+            .topology()
+            .is_some_and(|(epoch, tree)| epoch == sample.epoch && tree.sensor_count() == sample.counts.len());
         if !fits {
             return Ok(Step::Ignored);
         }

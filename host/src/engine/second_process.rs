@@ -10,7 +10,7 @@ use crate::failure::Failure;
 
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// The process; it ends when this value goes.
+/// The process; it ends when this value goes, and also if this program is killed: its standard input ends then.
 #[derive(Debug)]
 pub struct SimulatedPuppet {
     process: Child,
@@ -21,15 +21,16 @@ impl SimulatedPuppet {
     /// Starts this very program as `armature sim …` and waits until it says where it serves.
     pub fn start(puppet: &str, simulated: &SimulatedArgs) -> Result<Self, Failure> {
         let failed = |what: String| Failure::device(what, "run `armature sim` by itself to see what it says");
-        let program = std::env::current_exe().map_err(|e| failed(format!("this program's own file is not found: {e}")))?;
+        let program =
+            std::env::current_exe().map_err(|e| failed(format!("this program's own file is not found: {e}")))?;
         let mut command = Command::new(program);
-        command.arg("sim").arg(puppet).args(simulated.to_arguments());
+        command.arg("sim").args(simulated.arguments(puppet)).arg("--until-input-ends");
         if cfg!(not(unix)) {
             // There are no pseudo-terminals here; the same bytes go over TCP.
             command.args(["--tcp", "127.0.0.1:0"]);
         }
         let process = command
-            .stdin(Stdio::null())
+            .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
             .map_err(|e| failed(format!("the simulated puppet does not start: {e}")))?;

@@ -94,7 +94,8 @@ struct Show {
 impl Show {
     fn run(&mut self) {
         loop {
-            let command = if self.live.is_some() { self.link.try_command() } else { self.link.wait_for_command(PATIENCE) };
+            let command =
+                if self.live.is_some() { self.link.try_command() } else { self.link.wait_for_command(PATIENCE) };
             match command {
                 Some(Command::Quit) => break,
                 Some(command) => {
@@ -173,7 +174,8 @@ impl Show {
             Ok(live) => {
                 live.start(SAMPLES_PER_SECOND);
                 self.clock = FrameClock::default();
-                let simulated = parse_address(&address).is_ok_and(|a| matches!(a, armature_device::DeviceAddress::Sim { .. }));
+                let simulated =
+                    parse_address(&address).is_ok_and(|a| matches!(a, armature_device::DeviceAddress::Sim { .. }));
                 let calibration_file = settings::calibration_file().filter(|_| !simulated);
                 self.live = Some(Connected { live, address, calibration_file, take: None });
                 if let Err(failure) = self.take_calibration() {
@@ -228,7 +230,11 @@ impl Show {
         std::thread::spawn(move || {
             let mut progress = |p: armature_character::BindProgress| {
                 outbox.send(EngineEvent::Busy { task: p.stage.to_string(), fraction: Some(p.done as f32) });
-                if cancelled.load(Ordering::Relaxed) { std::ops::ControlFlow::Break(()) } else { std::ops::ControlFlow::Continue(()) }
+                if cancelled.load(Ordering::Relaxed) {
+                    std::ops::ControlFlow::Break(())
+                } else {
+                    std::ops::ControlFlow::Continue(())
+                }
             };
             let found = characters::find(&source, &mut progress);
             // Nobody waits any more if another character was chosen meanwhile.
@@ -242,7 +248,9 @@ impl Show {
         let Some(loading) = &self.loading else { return };
         let outcome = match loading.found.try_recv() {
             Err(TryRecvError::Empty) => return,
-            Err(TryRecvError::Disconnected) => Err(Failure::input("loading ended by itself", "choose the character again")),
+            Err(TryRecvError::Disconnected) => {
+                Err(Failure::input("loading ended by itself", "choose the character again"))
+            }
             Ok(outcome) => outcome,
         };
         let cancelled = loading.cancel.load(Ordering::Relaxed);
@@ -261,7 +269,8 @@ impl Show {
     }
 
     fn enter(&mut self, actor: Arc<Actor>) -> Result<(), Failure> {
-        let calibration = self.stage.as_ref().map_or_else(Calibration::default, |s| s.performance().calibration().clone());
+        let calibration =
+            self.stage.as_ref().map_or_else(Calibration::default, |s| s.performance().calibration().clone());
         let performance = Performance::new(actor.clone(), None, calibration, ZeroPolicy::WhenUnknown)?;
         self.link.send(EngineEvent::CharacterLoaded(Arc::new(frames::view_of(&actor))));
         match &mut self.stage {
@@ -346,7 +355,8 @@ impl Show {
         frames::fill(&mut frame, stage, &self.clock, &connected.live.counters());
         self.link.send(EngineEvent::Frame(frame));
         if let Some(recorded) = stage.recorded() {
-            self.link.send(EngineEvent::Recording { seconds: recorded.micros as f64 * 1e-6, samples: recorded.samples });
+            self.link
+                .send(EngineEvent::Recording { seconds: recorded.micros as f64 * 1e-6, samples: recorded.samples });
         }
     }
 
@@ -358,7 +368,10 @@ impl Show {
             return Ok(());
         }
         if !stage.is_ready() {
-            return Err(Failure::usage("the rest pose is not known yet", "hold the puppet in its rest pose and press Zero"));
+            return Err(Failure::usage(
+                "the rest pose is not known yet",
+                "hold the puppet in its rest pose and press Zero",
+            ));
         }
         let actor = stage.performance().actor().clone();
         let name = files::name_of(std::path::Path::new(&actor.name));

@@ -50,7 +50,9 @@ impl<W: Write> Stage<W> {
                 Ok(Outcome { new_topology: true, ..Outcome::default() })
             }
             Event::Sample(sample) => {
-                let Some(raw) = self.bridge.as_mut().and_then(|b| b.sample(sample)) else { return Ok(Outcome::default()) };
+                let Some(raw) = self.bridge.as_mut().and_then(|b| b.sample(sample)) else {
+                    return Ok(Outcome::default());
+                };
                 let step = self.performance.perform(raw)?;
                 if let Some(recorder) = &mut self.recorder {
                     let host_seconds = sample.received.as_secs_f64() - self.recording_from;

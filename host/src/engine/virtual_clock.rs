@@ -26,9 +26,9 @@ pub struct VirtualPuppet {
 }
 
 impl VirtualPuppet {
-    /// A puppet by name; see [`simulated::puppet`].
+    /// A puppet by name.
     pub fn new(name: &str, args: &SimulatedArgs, samples_per_second: f64) -> Result<Self, Failure> {
-        Ok(Self::of(simulated::puppet(name, args)?, samples_per_second))
+        Ok(Self::of(simulated::puppet(&args.options(name))?, samples_per_second))
     }
 
     /// This puppet.
