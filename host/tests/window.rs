@@ -45,7 +45,8 @@ impl Stage {
 
     fn click(&mut self, label: &str) {
         self.harness.get_by_label(label).click();
-        self.harness.run_steps(2);
+        // A panel that appears needs a few frames to find its size.
+        self.harness.run_steps(6);
     }
 
     fn press(&mut self, key: Key) {
