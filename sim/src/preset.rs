@@ -67,12 +67,12 @@ fn spider(mut b: BodyBuilder) -> Result<Body, BodyError> {
     b.finish()
 }
 
-/// A right hand with the palm to the front: the thumb is on the character's left.
+/// A left hand with the palm to the front: the little finger is on the character's left, the thumb on its right.
 fn hand(mut b: BodyBuilder) -> Result<Body, BodyError> {
     let stand = b.splitter("stand", 1, None);
     let wrist = b.joint("wrist", TwistBendTwist, Some(stand));
     let palm = b.splitter("palm", 5, Some(wrist));
-    for finger in ["thumb", "index", "middle", "ring", "little"] {
+    for finger in ["little", "ring", "middle", "index", "thumb"] {
         let base = b.joint(format!("{finger}_1"), TwistBendTwist, Some(palm));
         let middle = b.joint(format!("{finger}_2"), Bend, Some(base));
         b.joint(format!("{finger}_3"), Bend, Some(middle));

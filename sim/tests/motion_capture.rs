@@ -228,3 +228,29 @@ fn a_figure_without_known_names_is_refused() {
     assert!(puppet_from_motion(&motion(0), 1).is_err());
     assert!(puppet_from_motion(&motion(200), 1).unwrap_err().to_string().contains("600 sensors"));
 }
+
+#[test]
+fn the_human_preset_finds_its_bones_in_real_skeletons() {
+    let mixamo = "hips Hips, spine Spine1, chest Spine2, neck Neck, head Head, left_hip LeftUpLeg, left_knee LeftLeg, \
+                  left_ankle LeftFoot, right_hip RightUpLeg, right_knee RightLeg, right_ankle RightFoot, \
+                  left_shoulder LeftArm, left_elbow LeftForeArm, left_forearm LeftForeArm, left_wrist LeftHand, \
+                  right_shoulder RightArm, right_elbow RightForeArm, right_forearm RightForeArm, right_wrist RightHand";
+    let bank = "hips Hips, spine Chest, chest Chest2, neck Neck, head Head, left_hip LeftHip, left_knee LeftKnee, \
+                left_ankle LeftAnkle, right_hip RightHip, right_knee RightKnee, right_ankle RightAnkle, \
+                left_shoulder LeftShoulder, left_elbow LeftElbow, left_forearm LeftElbow, left_wrist LeftWrist, \
+                right_shoulder RightShoulder, right_elbow RightElbow, right_forearm RightElbow, right_wrist RightWrist";
+    let body = Body::preset("human", 1).unwrap();
+    let (tree, _) = perform(PuppetSettings::new(body.clone()), 0.0);
+    for (name, motion) in clips() {
+        let proposal = propose(&tree, &motion.skeleton);
+        let expected = if name.starts_with("free") { mixamo } else { bank };
+        for pair in expected.split(',') {
+            let (label, bone) = pair.trim().split_once(' ').unwrap();
+            let uid = PartUid(body.parts()[body.find(label).unwrap()].uid.0);
+            let entry = proposal.mapping.entries.iter().find(|entry| entry.part == uid);
+            let got = entry.map(|entry| entry.bone.rsplit(':').next().unwrap());
+            assert_eq!(got, Some(bone), "{name}: {label}; {:#?}", proposal.ambiguities);
+        }
+        println!("{name}: {:?}\n{:#?}", proposal.confidence, proposal.ambiguities);
+    }
+}

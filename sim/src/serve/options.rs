@@ -29,7 +29,7 @@ pub struct Options {
     /// human, spider, hand, joints:N, or a BVH file (one joint a bone)
     #[arg(default_value = "human")]
     pub puppet: String,
-    /// rest, walk, wave, walk+wave, wiggle, or a BVH file of a human figure; default: walk, or the puppet's own file
+    /// rest, walk, wave, walk+wave, wiggle, or a BVH file of a human figure [default: the puppet's own file, wiggle for joints:N, else walk]
     #[arg(long)]
     pub motion: Option<String>,
     /// Begin a file's motion again when it ends, instead of holding its last frame
@@ -168,7 +168,9 @@ impl Options {
             let (body, track) = puppet_from_motion(&read_motion(&self.puppet)?, self.seed)?;
             (body, Motion::Track(track))
         } else {
-            (Body::preset(&self.puppet, self.seed)?, Motion::Walk)
+            // Joints without a meaning have nothing to walk with.
+            let motion = if self.puppet.starts_with("joints") { Motion::Wiggle } else { Motion::Walk };
+            (Body::preset(&self.puppet, self.seed)?, motion)
         };
         let mut motion = match &self.motion {
             None => own_motion,

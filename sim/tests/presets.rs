@@ -1,0 +1,172 @@
+//! The presets on skeletons of the same creatures: what the shapes propose is what a person would choose.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
+use armature_rig::{Bone, JointTree, Part, PartKind, PartUid, Skeleton, Transform, propose};
+use armature_sim::Body;
+use glam::Vec3;
+
+/// Bones as (name, parent, head, tail) in model space.
+struct Bones(Vec<Bone>, Vec<Vec3>);
+
+impl Bones {
+    fn add(&mut self, name: &str, parent: &str, head: [f32; 3], tail: [f32; 3]) {
+        let (head, tail) = (Vec3::from(head), Vec3::from(tail));
+        let parent = self.0.iter().position(|b| b.name == parent);
+        let translation = head - parent.map_or(Vec3::ZERO, |p| self.1[p]);
+        let rest = Transform { translation, ..Transform::IDENTITY };
+        self.0.push(Bone { name: name.into(), parent, rest, tail: tail - head });
+        self.1.push(head);
+    }
+
+    fn chain(&mut self, names: &[String], parent: &str, points: &[[f32; 3]]) {
+        let mut parent = parent.to_owned();
+        for (name, ends) in names.iter().zip(points.windows(2)) {
+            self.add(name, &parent, ends[0], ends[1]);
+            parent.clone_from(name);
+        }
+    }
+}
+
+fn tree_of(body: &Body) -> JointTree {
+    let part = |part: &armature_sim::BodyPart| Part {
+        uid: PartUid(part.uid.0),
+        kind: match part.kind {
+            firmware_protocol::PartKind::Bend => PartKind::Bend,
+            firmware_protocol::PartKind::Twist => PartKind::Twist,
+            firmware_protocol::PartKind::TwistBendTwist => PartKind::TwistBendTwist,
+            _ => PartKind::Splitter { outlets: part.outlets },
+        },
+        parent: part.parent,
+        outlet: part.outlet,
+        counts_per_turn: 16_384,
+    };
+    JointTree::new(body.parts().iter().map(part).collect()).unwrap()
+}
+
+fn check(preset: &str, bones: Bones, bone_of: impl Fn(&str) -> String) {
+    let body = Body::preset(preset, 1).unwrap();
+    let proposal = propose(&tree_of(&body), &Skeleton::new(bones.0).unwrap());
+    for part in body.parts().iter().filter(|p| p.kind.sensor_count() != Some(0)) {
+        let entry = proposal.mapping.entries.iter().find(|entry| entry.part.0 == part.uid.0);
+        let got = entry.map(|entry| entry.bone.clone());
+        assert_eq!(got, Some(bone_of(&part.label)), "{}: {:#?}", part.label, proposal.ambiguities);
+    }
+}
+
+const FINGERS: [&str; 5] = ["Thumb", "Index", "Middle", "Ring", "Little"];
+const SEGMENTS: [&str; 3] = ["Proximal", "Intermediate", "Distal"];
+
+/// Fingers of a hand at `wrist`: `along` the fingers, `thumb` towards the thumb's side.
+fn fingers(bones: &mut Bones, side: &str, wrist: Vec3, along: Vec3, thumb: Vec3) {
+    for (number, finger) in FINGERS.into_iter().enumerate() {
+        let across = [0.030, 0.024, 0.003, -0.017, -0.036][number];
+        let reach = if number == 0 { [0.028, 0.060, 0.092, 0.118] } else { [0.092, 0.136, 0.162, 0.184] };
+        let shorter = [1.0, 0.98, 1.0, 0.97, 0.86][number];
+        let spread = if number == 0 { 0.6 } else { 0.0 };
+        let points = reach.map(|r| (wrist + along * (r * shorter) + thumb * (across + spread * r)).to_array());
+        let names = SEGMENTS.map(|segment| format!("{side}{finger}{segment}"));
+        bones.chain(&names, &format!("{side}Hand"), &points);
+    }
+}
+
+#[test]
+fn human() {
+    let mut bones = Bones(Vec::new(), Vec::new());
+    let trunk = ["Hips", "Spine", "Chest", "UpperChest", "Neck", "Head"].map(str::to_owned);
+    let heights = [0.955, 1.045, 1.165, 1.285, 1.465, 1.545, 1.735].map(|y| [0.0, y, -0.01]);
+    bones.chain(&trunk, "", &heights);
+    for (side, s) in [("Left", 1.0_f32), ("Right", -1.0)] {
+        let names = |list: [&str; 4]| list.map(|name| format!("{side}{name}"));
+        let arm = [
+            [0.025, 1.428, -0.014],
+            [0.172, 1.425, -0.014],
+            [0.441, 1.425, -0.02],
+            [0.692, 1.425, -0.01],
+            [0.784, 1.425, -0.01],
+        ];
+        bones.chain(
+            &names(["Shoulder", "UpperArm", "LowerArm", "Hand"]),
+            "UpperChest",
+            &arm.map(|p| [p[0] * s, p[1], p[2]]),
+        );
+        let leg = [
+            [0.094, 0.905, 0.0],
+            [0.104, 0.49, 0.008],
+            [0.11, 0.085, -0.024],
+            [0.122, 0.022, 0.122],
+            [0.124, 0.016, 0.172],
+        ];
+        bones.chain(&names(["UpperLeg", "LowerLeg", "Foot", "Toes"]), "Hips", &leg.map(|p| [p[0] * s, p[1], p[2]]));
+        fingers(&mut bones, side, Vec3::new(0.692 * s, 1.425, -0.01), Vec3::X * s, Vec3::Z);
+    }
+    check("human", bones, |label| {
+        let (side, joint) = label.split_once('_').unwrap_or(("", label));
+        let side = match side {
+            "left" => "Left",
+            "right" => "Right",
+            _ => "",
+        };
+        let bone = match joint {
+            "hips" => "Hips",
+            "spine" => "Chest",
+            "chest" => "UpperChest",
+            "neck" => "Neck",
+            "head" => "Head",
+            "hip" => "UpperLeg",
+            "knee" => "LowerLeg",
+            "ankle" => "Foot",
+            "shoulder" => "UpperArm",
+            "elbow" | "forearm" => "LowerArm",
+            _ => "Hand",
+        };
+        format!("{side}{bone}")
+    });
+}
+
+#[test]
+fn hand() {
+    let mut bones = Bones(Vec::new(), Vec::new());
+    let arm = ["LeftLowerArm", "LeftHand"].map(str::to_owned);
+    bones.chain(&arm, "", &[[0.0, 0.03, 0.0], [0.0, 0.29, 0.0], [-0.012, 0.65, 0.0]]);
+    let scale = 3.95;
+    fingers(&mut bones, "Left", Vec3::new(0.0, 0.29, 0.0), Vec3::Y * scale, Vec3::NEG_X * scale);
+    check("hand", bones, |label| {
+        let Some((finger, joint)) = label.split_once('_') else { return "LeftHand".into() };
+        let finger = FINGERS.iter().find(|name| name.to_lowercase() == finger).unwrap();
+        format!("Left{finger}{}", SEGMENTS[joint.parse::<usize>().unwrap() - 1])
+    });
+}
+
+#[test]
+fn spider() {
+    let mut bones = Bones(Vec::new(), Vec::new());
+    bones.add("Body", "", [0.0, 0.3, -0.02], [0.0, 0.3, 0.2]);
+    bones.add("Abdomen", "Body", [0.0, 0.305, -0.085], [0.0, 0.34, -0.43]);
+    for (side, s) in [("Left", 1.0_f32), ("Right", -1.0)] {
+        let legs = [
+            (0.50_f32, [0.070, 0.175], [0.215, 0.430, 0.560]),
+            (1.13, [0.092, 0.115], [0.200, 0.385, 0.500]),
+            (1.82, [0.092, 0.050], [0.195, 0.370, 0.485]),
+            (2.50, [0.072, -0.005], [0.235, 0.470, 0.610]),
+        ];
+        for (number, (angle, hip, out)) in legs.into_iter().enumerate() {
+            let (sin, cos) = libm::sincosf(angle);
+            let point = |way: f32, y: f32| [s * (hip[0] + sin * way), y, hip[1] + cos * way];
+            let points = [point(0.0, 0.29), point(out[0], 0.485), point(out[1], 0.235), point(out[2], 0.01)];
+            let names = ["Femur", "Tibia", "Tarsus"].map(|segment| format!("{side}Leg{}{segment}", number + 1));
+            bones.chain(&names, "Body", &points);
+        }
+    }
+    check("spider", bones, |label| {
+        let words: Vec<&str> = label.split('_').collect();
+        let [side, leg, joint] = words[..] else { return "Body".into() };
+        let side = if side == "left" { "Left" } else { "Right" };
+        let segment = match joint {
+            "hip" => "Femur",
+            "knee" => "Tibia",
+            _ => "Tarsus",
+        };
+        format!("{side}Leg{leg}{segment}")
+    });
+}
