@@ -2,8 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
 
-use armature_rig::{Bone, JointTree, Part, PartKind, PartUid, Skeleton, Transform, propose};
-use armature_sim::Body;
+use armature_rig::{
+    Bone, Calibration, JointTree, Part, PartKind, PartUid, Pose, PoseSolver, SensorCalibration, SensorState, Skeleton,
+    Transform, propose,
+};
+use armature_sim::{Body, Motion, Puppet, PuppetSettings};
+use firmware_protocol::{FrameBuffer, HostMessage};
 use glam::Vec3;
 
 /// Bones as (name, parent, head, tail) in model space.
@@ -70,8 +74,7 @@ fn fingers(bones: &mut Bones, side: &str, wrist: Vec3, along: Vec3, thumb: Vec3)
     }
 }
 
-#[test]
-fn human() {
+fn human_bones() -> Bones {
     let mut bones = Bones(Vec::new(), Vec::new());
     let trunk = ["Hips", "Spine", "Chest", "UpperChest", "Neck", "Head"].map(str::to_owned);
     let heights = [0.955, 1.045, 1.165, 1.285, 1.465, 1.545, 1.735].map(|y| [0.0, y, -0.01]);
@@ -100,7 +103,12 @@ fn human() {
         bones.chain(&names(["UpperLeg", "LowerLeg", "Foot", "Toes"]), "Hips", &leg.map(|p| [p[0] * s, p[1], p[2]]));
         fingers(&mut bones, side, Vec3::new(0.692 * s, 1.425, -0.01), Vec3::X * s, Vec3::Z);
     }
-    check("human", bones, |label| {
+    bones
+}
+
+#[test]
+fn human() {
+    check("human", human_bones(), |label| {
         let (side, joint) = label.split_once('_').unwrap_or(("", label));
         let side = match side {
             "left" => "Left",
@@ -169,4 +177,69 @@ fn spider() {
         };
         format!("{side}Leg{leg}{segment}")
     });
+}
+
+/// Where the tails of some bones are while the preset moves, in model space.
+fn tails(motion: Motion, millis: u64, names: &[&str]) -> Vec<Vec3> {
+    let body = Body::preset("human", 1).unwrap();
+    let tree = tree_of(&body);
+    let skeleton = Skeleton::new(human_bones().0).unwrap();
+    let settings = PuppetSettings { motion, rest_micros: 0, ..PuppetSettings::new(body) };
+    let mut puppet = Puppet::new(settings).unwrap();
+    let mut wire = FrameBuffer::new();
+    puppet.step(0, wire.encode(&HostMessage::Start).unwrap(), &mut Vec::new());
+    let mut calibration = Calibration::default();
+    for part in tree.parts().iter().filter(|part| !part.kind.axes().is_empty()) {
+        let zeroed = |&axis| SensorCalibration { zero_counts: Some(0), ..SensorCalibration::unzeroed(axis) };
+        calibration.set_part(part.uid, part.kind.axes().iter().map(zeroed).collect());
+    }
+    let turn = 16_384.0 / std::f64::consts::TAU;
+    let angles = puppet.true_angles(millis * 1000);
+    let counts: Vec<u16> = angles.iter().map(|a| libm::round(a * turn).rem_euclid(16_384.0) as u16).collect();
+    let mapping = propose(&tree, &skeleton).mapping;
+    let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
+    let mut pose = Pose::default();
+    solver.solve(&counts, &vec![SensorState::Ok; counts.len()], &mut pose).unwrap();
+    let mut frames = skeleton.rest_model_from_bone();
+    pose.forward_kinematics(&skeleton, &mut frames);
+    let tail = |name: &&str| {
+        let bone = skeleton.find(name).unwrap();
+        frames[bone].transform_point3(skeleton.bones()[bone].tail)
+    };
+    names.iter().map(tail).collect()
+}
+
+#[test]
+fn a_walker_looks_like_one() {
+    let (mut least, mut most) = ([f32::MAX; 4], [f32::MIN; 4]);
+    for millis in (1000..3200).step_by(20) {
+        let names = ["LeftHand", "RightHand", "LeftFoot", "RightFoot", "LeftUpperArm", "LeftUpperLeg", "LeftLowerLeg"];
+        let at = tails(Motion::Walk, millis, &names);
+        assert!(at[0].y < 1.15 && at[1].y < 1.15, "hands hang down: {at:?}");
+        assert!(at[0].x > 0.1 && at[1].x < -0.1 && at[0].x < 0.6, "each on its side: {at:?}");
+        let (upper, lower) = (at[4] - Vec3::new(0.172, 1.425, -0.014), at[0] - at[4]);
+        assert!(upper.cross(lower).x < 0.0, "elbows bend forwards: {at:?}");
+        for (limb, point) in at[..4].iter().enumerate() {
+            least[limb] = least[limb].min(point.z);
+            most[limb] = most[limb].max(point.z);
+        }
+        // The shin never points ahead of the thigh.
+        let (hip, knee, foot) = (Vec3::new(0.094, 0.905, 0.0), at[5], at[6]);
+        let (thigh, shin) = ((knee - hip).normalize(), (foot - knee).normalize());
+        assert!(thigh.cross(shin).x > -0.12, "knees bend backwards: {at:?}");
+    }
+    for limb in 0..4 {
+        assert!(most[limb] - least[limb] > 0.2, "limb {limb} swings: {least:?} {most:?}");
+    }
+    // Arms swing against the legs.
+    let at = tails(Motion::Walk, 1389, &["LeftHand", "RightHand", "LeftFoot", "RightFoot"]);
+    assert!((at[0].z - at[1].z) * (at[2].z - at[3].z) < 0.0, "{at:?}");
+}
+
+#[test]
+fn a_waving_hand_is_up() {
+    for millis in (1000..3000).step_by(50) {
+        let at = tails(Motion::WalkAndWave, millis, &["RightHand", "RightUpperArm", "LeftHand"]);
+        assert!(at[0].y > 1.6 && at[0].y > at[1].y && at[2].y < 1.15, "{at:?}");
+    }
 }

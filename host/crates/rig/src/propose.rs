@@ -42,9 +42,9 @@ const BASE_IMPORTANCE: f64 = 0.1;
 const CONFIDENT_MARGIN: f64 = 0.25;
 /// Below this margin the other choice is mentioned.
 const AMBIGUOUS_MARGIN: f64 = 0.15;
-/// Steps and table cells (a few seconds, a few hundred MB) beyond which no proposal is attempted.
+/// Steps and table cells (a second or two, some 30 MB) beyond which no proposal is attempted.
 const MAX_WORK: f64 = 5e8;
-const MAX_CELLS: usize = 4_000_000;
+const MAX_CELLS: usize = 1_000_000;
 
 /// A proposed mapping, and how sure it is.
 #[derive(Clone, Debug, Default, PartialEq)]

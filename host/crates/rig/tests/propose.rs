@@ -212,7 +212,7 @@ fn a_huge_skeleton_is_refused_in_words() {
     let (tree, _) = skeleton_puppet(&Skeleton::new((0..100).map(bone).collect()).unwrap(), 4096, uid).unwrap();
     let proposal = propose(&tree, &long);
     assert!(proposal.mapping.entries.is_empty() && proposal.ambiguities[0].contains("write a mapping file"));
-    let wide = Skeleton::new((0..30_000).map(|i| Bone { parent: None, ..bone(i) }).collect()).unwrap();
+    let wide = Skeleton::new((0..9_000).map(|i| Bone { parent: None, ..bone(i) }).collect()).unwrap();
     propose(&tree, &wide);
 }
 
