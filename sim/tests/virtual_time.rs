@@ -360,6 +360,33 @@ fn a_new_rate_takes_over_from_the_latest_sample() {
 }
 
 #[test]
+fn any_bytes_may_come() {
+    let mut host = Host::new(human(Motion::Wave));
+    let mut state = 1_u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 56) as u8
+    };
+    let requests: Vec<u8> =
+        [HostMessage::Start, HostMessage::Ping { token: 1 }, HostMessage::TopologyRequest, HostMessage::HELLO_REQUEST]
+            .iter()
+            .flat_map(frame)
+            .collect();
+    for round in 0..3000 {
+        // Plain noise in turn with requests in which a byte is wrong.
+        let bytes: Vec<u8> = if round % 2 == 0 {
+            (0..usize::from(next())).map(|_| next()).collect()
+        } else {
+            let at = usize::from(next()) % requests.len();
+            requests.iter().enumerate().map(|(i, &b)| if i == at { next() } else { b }).collect()
+        };
+        host.raw(round * 700, &bytes);
+    }
+    let truth = host.puppet.truth();
+    assert!(truth.requests >= 1500 * 2, "the requests that are whole get through: {truth:?}");
+}
+
+#[test]
 fn a_slow_line_limits_the_rate() {
     let body = Body::preset("joints:32", 0).unwrap();
     let limit = |baud| {
