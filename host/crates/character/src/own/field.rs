@@ -172,6 +172,11 @@ impl Group {
         self
     }
 
+    /// The group without its parts.
+    fn shell(&self) -> Self {
+        Self { parts: Vec::new(), ..*self }
+    }
+
     /// The group's own field, exact only below `limit`.
     fn distance(&self, p: DVec3, limit: f64) -> f64 {
         let mut d = f64::INFINITY;
@@ -215,6 +220,23 @@ impl Field {
             d = smooth_min(d, own, group.blend);
         }
         self.floor.map_or(d, |(y, blend)| -smooth_min(-d, p.y - y, blend))
+    }
+
+    /// The same field for points within `radius` of `centre`, without the parts that lie too far away to matter
+    /// close to the surface.
+    pub(super) fn near(&self, centre: DVec3, radius: f64) -> Self {
+        let twin = DVec3::new(-centre.x, centre.y, centre.z);
+        let highest = self.distance(centre).max(0.0) + STEEPEST * radius;
+        let group = |group: &Group| {
+            let counts = |(loft, _, blend): &(Loft, Join, f64)| {
+                let limit = highest + STEEPEST * radius + group.blend + blend;
+                loft.can_be_below(centre, limit) || group.twin_blend.is_some() && loft.can_be_below(twin, limit)
+            };
+            let parts = group.parts.iter().filter(|part| counts(part)).cloned().collect();
+            Group { parts, ..group.shell() }
+        };
+        let groups = self.groups.iter().map(group).filter(|g| !g.parts.is_empty()).collect();
+        Self { groups, ..*self }
     }
 
     /// Gradient by central differences over a tetrahedron of the given size.

@@ -137,10 +137,10 @@ pub(super) fn fingers() -> [Finger; 5] {
             joints: thumb.map(|(x, y, z)| DVec3::new(x, y, z)),
             radii: [0.0135, 0.0112, 0.0100, 0.0084],
         },
-        long("Index", DVec3::new(0.0300, 0.0910, 0.0), 0.15, 0.074, 0.0086),
-        long("Middle", DVec3::new(0.0098, 0.0940, 0.0), 0.025, 0.082, 0.0088),
-        long("Ring", DVec3::new(-0.0105, 0.0900, 0.0), -0.10, 0.076, 0.0083),
-        long("Little", DVec3::new(-0.0295, 0.0820, 0.0), -0.24, 0.060, 0.0074),
+        long("Index", DVec3::new(0.0312, 0.0910, 0.0), 0.17, 0.074, 0.0084),
+        long("Middle", DVec3::new(0.0102, 0.0940, 0.0), 0.035, 0.082, 0.0086),
+        long("Ring", DVec3::new(-0.0110, 0.0900, 0.0), -0.105, 0.076, 0.0081),
+        long("Little", DVec3::new(-0.0308, 0.0820, 0.0), -0.26, 0.060, 0.0074),
     ]
 }
 
@@ -154,8 +154,8 @@ pub(super) fn palm_parts(hand: &Hand) -> Vec<(Loft, f64)> {
         &[
             (0.00, section([0.027, 0.026, 0.017, 0.017])),
             (0.35, section([0.034, 0.034, 0.017, 0.016])),
-            (0.80, section([0.040, 0.038, 0.013, 0.013])),
-            (1.00, section([0.038, 0.036, 0.0115, 0.0105])),
+            (0.80, section([0.041, 0.039, 0.013, 0.013])),
+            (1.00, section([0.039, 0.037, 0.0115, 0.0105])),
         ],
         [0.015 * hand.scale, 0.013 * hand.scale],
     );
@@ -171,7 +171,7 @@ pub(super) fn palm_parts(hand: &Hand) -> Vec<(Loft, f64)> {
 /// One group a finger, so that neighbours hardly blend.
 pub(super) fn finger_groups(hand: &Hand, mirrored: bool) -> Vec<Group> {
     let group = |finger: &Finger| {
-        let blend = (if finger.name == "Thumb" { 0.018 } else { 0.015 }) * hand.scale;
+        let blend = (if finger.name == "Thumb" { 0.018 } else { 0.012 }) * hand.scale;
         let mut group = if mirrored { Group::mirrored(blend, blend) } else { Group::new(blend) };
         for k in 0..3 {
             let ends = [finger.joints[k], finger.joints[k + 1]];

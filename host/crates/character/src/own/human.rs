@@ -17,7 +17,7 @@ const HIP: DVec3 = DVec3::new(0.094, 0.905, 0.0);
 const KNEE: DVec3 = DVec3::new(0.104, 0.490, 0.008);
 const ANKLE: DVec3 = DVec3::new(0.110, 0.085, -0.024);
 
-pub(super) const DETAIL: Detail = Detail { spacing: 0.005, sizes: Sizes { broad: 0.12, min: 0.0054, max: 0.027 } };
+pub(super) const DETAIL: Detail = Detail { spacing: 0.0042, sizes: Sizes { broad: 0.12, min: 0.0056, max: 0.0275 } };
 
 fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)

@@ -91,10 +91,11 @@ impl Grid {
         if field.distance(self.point(first) + DVec3::splat(half)).abs() > reach {
             return patch;
         }
+        let near = field.near(self.point(first) + DVec3::splat(half), half * 3.0_f64.sqrt());
         let mut values = Vec::with_capacity(POINTS.pow(3));
         for z in 0..=BLOCK {
             for y in 0..=BLOCK {
-                values.extend((0..=BLOCK).map(|x| field.distance(self.point(first + IVec3::new(x, y, z)))));
+                values.extend((0..=BLOCK).map(|x| near.distance(self.point(first + IVec3::new(x, y, z)))));
             }
         }
         let value = |at: IVec3| values[(at.z as usize * POINTS + at.y as usize) * POINTS + at.x as usize];
