@@ -229,7 +229,12 @@ impl State {
                 self.character = Some(character);
                 self.character_number += 1;
                 self.frame_number += 1;
-                return self.frame.take();
+                // The angles are still true, the positions are those of another mesh.
+                if let Some(frame) = &mut self.frame {
+                    frame.positions.clear();
+                    frame.normals.clear();
+                    frame.bones.clear();
+                }
             }
             EngineEvent::Devices(devices) => self.devices = devices,
             EngineEvent::Busy { task, fraction } => self.busy = Some((task, fraction)),
@@ -330,10 +335,15 @@ impl State {
         self.character.as_ref()?.skeleton.bones().get(bone).map(|bone| bone.name.as_str())
     }
 
-    /// A part's name in the list: that of its bone, or what it is.
+    /// A part's name in the list: that of its bone (with the axis, where several parts move it), or what it is.
     pub fn part_label(&self, part: usize) -> String {
-        if let Some(name) = self.bone_name(part) {
-            return name.to_owned();
+        if let (Some(name), Some(bone)) = (self.bone_name(part), self.bone(part)) {
+            let shared = self.parts_of_bone(bone).nth(1).is_some();
+            let axes = self.tree.as_ref().and_then(|tree| tree.parts().get(part)).map_or(&[][..], |p| p.kind.axes());
+            return match axes {
+                [axis] if shared => format!("{name} {}", axis_label(*axis).to_lowercase()),
+                _ => name.to_owned(),
+            };
         }
         self.tree
             .as_ref()
@@ -342,19 +352,18 @@ impl State {
     }
 
     /// The parts that a bone follows.
-    pub fn part_of_bone(&self, bone: usize) -> Option<usize> {
-        self.bone_of_part.iter().position(|b| *b == Some(bone))
+    pub fn parts_of_bone(&self, bone: usize) -> impl Iterator<Item = usize> + '_ {
+        self.bone_of_part.iter().enumerate().filter(move |(_, b)| **b == Some(bone)).map(|(part, _)| part)
+    }
+
+    /// The worst state among the parts that a bone follows; `None` if it follows none.
+    pub fn bone_state(&self, bone: usize) -> Option<SensorState> {
+        self.parts_of_bone(bone).map(|part| self.worst_state(part)).max_by_key(severity)
     }
 
     /// The worst state among a part's sensors; `Ok` for a part without sensors.
     pub fn worst_state(&self, part: usize) -> SensorState {
         let Some(tree) = &self.tree else { return SensorState::NoData };
-        let severity = |state: &SensorState| match state {
-            SensorState::Ok => 0,
-            SensorState::MagnetWeak => 1,
-            SensorState::Outlier => 2,
-            SensorState::NoData => 3,
-        };
         tree.sensors(part).map(|sensor| self.reading(sensor).0).max_by_key(severity).unwrap_or(SensorState::Ok)
     }
 
@@ -388,12 +397,23 @@ impl State {
     }
 }
 
+/// How much a reading is to be distrusted.
+fn severity(state: &SensorState) -> u8 {
+    match state {
+        SensorState::Ok => 0,
+        SensorState::MagnetWeak => 1,
+        SensorState::Outlier => 2,
+        SensorState::NoData => 3,
+    }
+}
+
 /// What a part is, for people.
 pub fn kind_label(kind: PartKind) -> String {
     match kind {
         PartKind::Bend => "Bend joint".into(),
         PartKind::Twist => "Twist joint".into(),
         PartKind::TwistBendTwist => "Three-axis joint".into(),
+        PartKind::Splitter { outlets: 1 } => "Splitter, 1 outlet".into(),
         PartKind::Splitter { outlets } => format!("Splitter, {outlets} outlets"),
     }
 }

@@ -124,8 +124,12 @@ fn names_come_from_bones_where_there_are_any() {
     let character = CharacterView { skeleton: Skeleton::new(vec![bone]).unwrap(), ..CharacterView::default() };
     state.update_state(EngineEvent::CharacterLoaded(Arc::new(character)));
     state.update_state(EngineEvent::Mapping { bone_of_part: vec![None, Some(0), Some(9)] });
-    assert_eq!((state.part_label(1).as_str(), state.part_of_bone(0)), ("elbow", Some(1)));
-    assert_eq!(state.part_label(2), "Twist joint", "a bone that is not there names nothing");
+    assert_eq!((state.part_label(1).as_str(), state.parts_of_bone(0).collect::<Vec<_>>()), ("elbow", vec![1]));
+    assert_eq!(state.bone_state(0), Some(SensorState::Ok));
+    state.update_state(EngineEvent::Mapping { bone_of_part: vec![None, Some(0), Some(0), Some(9)] });
+    assert_eq!((state.part_label(1).as_str(), state.part_label(2).as_str()), ("elbow bend", "elbow twist"));
+    assert_eq!(state.bone_state(0), Some(SensorState::NoData), "the worse of both");
+    assert_eq!(state.part_label(3), "Three-axis joint", "a bone that is not there names nothing");
 }
 
 #[test]
@@ -134,5 +138,5 @@ fn frames_are_handed_back_for_reuse() {
     let next = Frame { stats: Stats { samples: 7, ..Stats::default() }, ..Frame::default() };
     let old = state.update_state(EngineEvent::Frame(Box::new(next))).unwrap();
     assert_eq!(old.angles.len(), 5);
-    assert!(state.update_state(EngineEvent::CharacterLoaded(Arc::default())).is_some());
+    assert!(state.update_state(EngineEvent::CharacterLoaded(Arc::default())).is_none());
 }

@@ -106,7 +106,7 @@ impl Stage {
             } else if !state.show_bones {
                 continue;
             } else {
-                match state.part_of_bone(bone).map(|part| state.worst_state(part)) {
+                match state.bone_state(bone) {
                     Some(SensorState::Ok) => [0.42, 0.86, 0.68, 0.55],
                     Some(SensorState::MagnetWeak) => [0.96, 0.72, 0.29, 0.60],
                     Some(SensorState::Outlier) => [0.74, 0.51, 1.0, 0.60],

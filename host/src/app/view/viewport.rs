@@ -83,7 +83,7 @@ impl Viewport {
             let bone = self.stage.bone_at(state, glam::Vec2::new(at.x, at.y), 14.0, |point| {
                 camera.project(point, aspect).map(|seen| seen * size)
             });
-            actions.push(Action::Select(bone.and_then(|bone| state.part_of_bone(bone))));
+            actions.push(Action::Select(bone.and_then(|bone| state.parts_of_bone(bone).next())));
         }
     }
 
