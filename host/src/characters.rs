@@ -61,8 +61,16 @@ fn found(source: &str, character: Character) -> Found {
     Found { actor, warnings }
 }
 
-/// One of our own characters, made anew each time: that takes about as long as reading it from a file.
+/// One of our own characters. Shaping one takes seconds, so it is kept for the next time, as long as this is the same
+/// program file.
 fn own(name: &str, progress: Progress) -> Result<Character, Failure> {
+    let cached = program_stamp().zip(cache_folder()).map(|(stamp, folder)| {
+        let key = armature_character::cache_key(&[name.as_bytes(), &stamp], &BindSettings::default());
+        folder.join(format!("{key}.armature"))
+    });
+    if let Some(character) = cached.as_deref().and_then(read_cached) {
+        return Ok(character);
+    }
     let report = BindProgress { stage: "shaping the character", done: 0.0 };
     if progress(report).is_break() {
         return Err(Failure::usage("cancelled", ""));
@@ -72,7 +80,26 @@ fn own(name: &str, progress: Progress) -> Result<Character, Failure> {
         "hand" => armature_character::hand(),
         _ => armature_character::human(),
     };
-    made.map_err(|e| Failure::not_converged(format!("{name}: {e}"), "this is a defect; please report it"))
+    let character =
+        made.map_err(|e| Failure::not_converged(format!("{name}: {e}"), "this is a defect; please report it"))?;
+    keep(cached.as_deref(), &character);
+    Ok(character)
+}
+
+/// Length and time of the program's own file: another build may shape other characters.
+fn program_stamp() -> Option<Vec<u8>> {
+    let metadata = std::fs::metadata(std::env::current_exe().ok()?).ok()?;
+    let modified = metadata.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?;
+    Some([metadata.len().to_le_bytes(), (modified.as_nanos() as u64).to_le_bytes()].concat())
+}
+
+/// Keeps a character for the next time; that it cannot be kept costs time and nothing else.
+fn keep(path: Option<&Path>, character: &Character) {
+    if let Some(path) = path
+        && let Err(failure) = files::write(path, &armature_character::to_bytes(character))
+    {
+        tracing::warn!("the character is not kept for the next time: {}", failure.what);
+    }
 }
 
 /// A character and where it came from.
@@ -106,11 +133,7 @@ pub fn bind_cached(
     let given = skeleton.map(inputs::skeleton).transpose()?;
     let character =
         armature_character::bind(model.clone(), given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
-    if let Some(path) = &cached
-        && let Err(failure) = files::write(path, &armature_character::to_bytes(&character))
-    {
-        tracing::warn!("the bound character is not kept for the next time: {}", failure.what);
-    }
+    keep(cached.as_deref(), &character);
     Ok(Bound { character, from_cache: false })
 }
 

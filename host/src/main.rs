@@ -3,5 +3,15 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    quieten_graphics_without_a_session();
     armature::cli::main()
+}
+
+/// Mesa's device selection asks the Wayland session which GPU is its own, and complains on standard error where there
+/// is no session at all, as on a build machine.
+fn quieten_graphics_without_a_session() {
+    if cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // SAFETY: this is the first thing the program does; there is no other thread that could read the environment.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+    }
 }

@@ -12,9 +12,10 @@ pub fn calibration_file() -> Option<PathBuf> {
     directories::ProjectDirs::from("", "", "armature").map(|d| d.config_dir().join("calibration.toml"))
 }
 
-/// Where the window puts takes: the user's documents, or the folder the program was started in.
+/// Where the window puts takes: in the user's documents or home.
 pub fn takes_folder() -> PathBuf {
-    let documents = directories::UserDirs::new().and_then(|d| d.document_dir().map(Path::to_path_buf));
+    let documents =
+        directories::UserDirs::new().map(|d| d.document_dir().unwrap_or_else(|| d.home_dir()).to_path_buf());
     documents.unwrap_or_default().join("Armature takes")
 }
 

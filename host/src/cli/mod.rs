@@ -356,7 +356,7 @@ fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
 fn init_logging(verbose: u8) {
     let default = ["warn", "info", "debug", "trace"][usize::from(verbose.min(3))];
     let filter = tracing_subscriber::EnvFilter::try_from_env("ARMATURE_LOG").unwrap_or_else(|_| {
-        tracing_subscriber::EnvFilter::new(format!("{default},wgpu_core=warn,wgpu_hal=error,naga=warn"))
+        tracing_subscriber::EnvFilter::new(format!("{default},wgpu_core=warn,wgpu_hal=error,naga=warn,winit=error"))
     });
     let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time();
     // A second subscriber in one process (tests) keeps the first.

@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use armature_rig::Calibration;
+use armature_rig::{Calibration, Pose};
 use armature_take::{ExportSettings, Header, ResampleSettings, Take, Timeline, verify};
+
+use glam::Affine3A;
 
 use crate::cli::{DemoArgs, SimulatedArgs};
 use crate::engine::actor::Actor;
@@ -146,14 +148,23 @@ fn write_exports(
     Ok(())
 }
 
-/// Draws the middle of the take, where the motion is in full swing.
+/// Draws the longest stride of the take's middle half, where the motion is in full swing.
 fn write_picture(take: &Take, actor: &Actor, path: &Path, say: &dyn Fn(String)) -> Result<(), Failure> {
     let no_pose = || Failure::input("the take holds no pose", "run the demo for more seconds");
     let timeline = Timeline::recorded(take).ok_or_else(no_pose)?;
-    let (_, last) = timeline.span_seconds().ok_or_else(no_pose)?;
-    let (_, packed) = timeline.get(timeline.at(last / 2.0)).ok_or_else(no_pose)?;
-    let (positions, normals) = pictures::skin_once(actor, &take.unpack(packed))?;
+    let middle = timeline.len() / 4..(timeline.len() * 3).div_ceil(4);
+    let poses = middle.filter_map(|index| Some(take.unpack(timeline.get(index)?.1)));
+    let pose = poses.max_by(|a, b| stride(actor, a).total_cmp(&stride(actor, b))).ok_or_else(no_pose)?;
+    let (positions, normals) = pictures::skin_once(actor, &pose)?;
     let by = pictures::write_picture(path, actor, &positions, &normals)?;
     say(format!("picture    {}: {by}", path.display()));
     Ok(())
+}
+
+/// How far the bones reach from front to back.
+fn stride(actor: &Actor, pose: &Pose) -> f32 {
+    let mut frames = vec![Affine3A::IDENTITY; actor.skeleton.len()];
+    pose.forward_kinematics(&actor.skeleton, &mut frames);
+    let reach = frames.iter().map(|f| f.translation.z).fold((f32::MAX, f32::MIN), |(lo, hi), z| (lo.min(z), hi.max(z)));
+    reach.1 - reach.0
 }

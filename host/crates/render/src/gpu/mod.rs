@@ -23,15 +23,7 @@ impl Gpu {
     /// Opens the best adapter of this machine; a software one counts. Never panics where there is none.
     pub fn request() -> Result<Self, RenderError> {
         pollster::block_on(async {
-            let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-            let options = wgpu::RequestAdapterOptions {
-                power_preference: wgpu::PowerPreference::HighPerformance,
-                ..wgpu::RequestAdapterOptions::default()
-            };
-            let adapter = instance
-                .request_adapter(&options)
-                .await
-                .map_err(|error| RenderError::NoAdapter { detail: error.to_string() })?;
+            let adapter = request_adapter().await?;
             let info = adapter.get_info();
             let samples = if supports_four(&adapter) { Samples::Four } else { Samples::One };
             let descriptor = wgpu::DeviceDescriptor {
@@ -61,6 +53,27 @@ impl Gpu {
     pub fn best_samples(&self) -> Samples {
         self.samples
     }
+}
+
+/// OpenGL is asked only where there is nothing else: its libraries talk to displays and complain on standard error
+/// where there is none.
+async fn request_adapter() -> Result<wgpu::Adapter, RenderError> {
+    let chosen = wgpu::Backends::from_env();
+    let attempts = chosen.map_or(vec![wgpu::Backends::PRIMARY, wgpu::Backends::GL], |backends| vec![backends]);
+    let mut detail = String::new();
+    for backends in attempts {
+        let descriptor =
+            wgpu::InstanceDescriptor { backends, ..wgpu::InstanceDescriptor::new_without_display_handle_from_env() };
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        match wgpu::Instance::new(descriptor).request_adapter(&options).await {
+            Ok(adapter) => return Ok(adapter),
+            Err(error) => detail = error.to_string(),
+        }
+    }
+    Err(RenderError::NoAdapter { detail })
 }
 
 /// Name of an adapter for people.
