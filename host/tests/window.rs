@@ -214,16 +214,15 @@ fn characters_are_chosen_by_click_and_on_the_command_line() {
     assert!(first.contains(&Command::LoadCharacter(CharacterChoice::Hand)));
     assert!(first.contains(&Command::Connect("sim:hand".into())));
     stage.tell([EngineEvent::Disconnected { problem: None }]);
-    // The first "Spider" is the simulated puppet's, the second the character's.
-    let spiders: Vec<_> = stage.harness.get_all_by_label("Spider").collect();
-    assert_eq!(spiders.len(), 2);
-    for spider in &spiders {
-        spider.click();
-    }
-    drop(spiders);
-    stage.harness.run_steps(2);
-    let commands = stage.commands();
-    assert!(commands.contains(&Command::LoadCharacter(CharacterChoice::Spider)), "{commands:?}");
+    // The first of a name is the simulated puppet's button, the second the character's.
+    let mut click_nth = |label: &str, nth: usize| {
+        stage.harness.get_all_by_label(label).nth(nth).expect("both buttons").click();
+        stage.harness.run_steps(2);
+        stage.commands()
+    };
+    assert_eq!(click_nth("Spider", 1), [Command::LoadCharacter(CharacterChoice::Spider)]);
+    let human = [Command::LoadCharacter(CharacterChoice::Human), Command::Connect("sim:human".into())];
+    assert_eq!(click_nth("Human", 0), human, "a simulated human comes with a human to look at");
 }
 
 #[test]

@@ -358,13 +358,16 @@ impl State {
 
     /// The worst state among the parts that a bone follows; `None` if it follows none.
     pub fn bone_state(&self, bone: usize) -> Option<SensorState> {
-        self.parts_of_bone(bone).map(|part| self.worst_state(part)).max_by_key(severity)
+        self.parts_of_bone(bone).map(|part| self.worst_state(part)).max_by_key(|state| severity(*state))
     }
 
     /// The worst state among a part's sensors; `Ok` for a part without sensors.
     pub fn worst_state(&self, part: usize) -> SensorState {
         let Some(tree) = &self.tree else { return SensorState::NoData };
-        tree.sensors(part).map(|sensor| self.reading(sensor).0).max_by_key(severity).unwrap_or(SensorState::Ok)
+        tree.sensors(part)
+            .map(|sensor| self.reading(sensor).0)
+            .max_by_key(|state| severity(*state))
+            .unwrap_or(SensorState::Ok)
     }
 
     fn forget_puppet(&mut self) {
@@ -398,7 +401,7 @@ impl State {
 }
 
 /// How much a reading is to be distrusted.
-fn severity(state: &SensorState) -> u8 {
+fn severity(state: SensorState) -> u8 {
     match state {
         SensorState::Ok => 0,
         SensorState::MagnetWeak => 1,

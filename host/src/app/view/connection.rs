@@ -3,13 +3,14 @@
 use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
 
 use super::widgets;
+use crate::app::engine::CharacterChoice;
 use crate::app::state::{Action, Connection, State};
 use crate::app::theme;
 
-const SIMULATED: [(&str, &str, &str); 3] = [
-    ("Human", "sim:human", "A simulated human puppet that walks and waves"),
-    ("Spider", "sim:spider", "A simulated spider with eight legs"),
-    ("Hand", "sim:hand", "A simulated hand with five fingers"),
+const SIMULATED: [(&str, &str, CharacterChoice, &str); 3] = [
+    ("Human", "sim:human", CharacterChoice::Human, "A simulated human puppet that walks and waves"),
+    ("Spider", "sim:spider", CharacterChoice::Spider, "A simulated spider with eight legs"),
+    ("Hand", "sim:hand", CharacterChoice::Hand, "A simulated hand with five fingers"),
 ];
 
 /// Three and a half serial ports, so that one sees when there are more.
@@ -60,9 +61,13 @@ fn offer(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
     widgets::caption(ui, "SIMULATED PUPPET");
     ui.horizontal(|ui| {
         let width = (ui.available_width() - 16.0) / 3.0;
-        for (label, address, hint) in SIMULATED {
+        for (label, address, character, hint) in SIMULATED {
             let button = egui::Button::new(label).min_size(Vec2::new(width, 32.0));
             if ui.add(button).on_hover_text(hint).clicked() {
+                // Somebody who tries a simulated hand wants to see a hand, unless a file was opened.
+                if state.choice != character && !matches!(state.choice, CharacterChoice::File(_)) {
+                    actions.push(Action::Load(character));
+                }
                 actions.push(Action::Connect(address.into()));
             }
         }

@@ -91,13 +91,16 @@ fn saved(ui: &mut Ui, take: &SavedTake, actions: &mut Vec<Action>) {
     let lost = if take.lost == 0 { "none lost".into() } else { format!("{} lost", grouped(take.lost)) };
     widgets::quiet(ui, format!("{} samples, {lost}", grouped(take.samples)));
     let path = take.path.display().to_string();
+    let name = take.path.file_name().map_or_else(|| path.clone(), |name| name.to_string_lossy().into_owned());
+    let folder = take.path.parent().map(|folder| folder.display().to_string()).unwrap_or_default();
+    ui.add(egui::Label::new(RichText::new(name).monospace()).truncate()).on_hover_text(path.as_str());
     ui.horizontal(|ui| {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             if ui.small_button("Copy path").on_hover_text("Put the file's path on the clipboard").clicked() {
                 ui.copy_text(path.clone());
             }
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                let text = RichText::new(path.as_str()).monospace().size(11.5);
+                let text = RichText::new(folder).size(12.0).color(theme::QUIET);
                 ui.add(egui::Label::new(text).truncate()).on_hover_text(path.as_str());
             });
         });

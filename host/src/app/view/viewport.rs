@@ -74,7 +74,7 @@ impl Viewport {
         }
         if response.hovered() {
             let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
-            goal.zoom((-scroll * 0.0022).exp() / pinch.max(0.01), self.stage.bounds.radius());
+            goal.zoom((-scroll * 0.0016).exp() / pinch.max(0.01), self.stage.bounds.radius());
         }
         if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.clicked()) {
             let camera = self.rig.now;
