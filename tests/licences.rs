@@ -35,8 +35,10 @@ fn every_dependency_is_permissively_licensed() {
     };
     let mut checked = 0;
     for package in metadata.packages.iter().filter(|p| p.source.is_some()) {
-        let licence =
-            package.license.as_deref().unwrap_or_else(|| panic!("{} {} names no licence", package.name, package.version));
+        let licence = package
+            .license
+            .as_deref()
+            .unwrap_or_else(|| panic!("{} {} names no licence", package.name, package.version));
         let expression = spdx::Expression::parse_mode(licence, spdx::ParseMode::LAX)
             .unwrap_or_else(|e| panic!("{}: licence {licence:?}: {e}", package.name));
         assert!(expression.evaluate(allowed), "{} {} is under {licence}", package.name, package.version);

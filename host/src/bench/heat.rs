@@ -1,12 +1,12 @@
 //! Bone heat weights on a real model, beside Blender's automatic weights where `bpy` is installed.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use armature_geometry::TriangleMesh;
 use armature_rig::Skeleton;
 use armature_weights::{BoneHeatSettings, BoneSegment, bone_heat};
-use std::ops::ControlFlow;
 
 use super::{Measurement, median, time_runs};
 use crate::cli::BenchArgs;
@@ -21,15 +21,10 @@ const PEER: &str = "Blender automatic weights";
 const BUDGET_SECONDS: f64 = 6.0;
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
-    let (name, mesh_path, skeleton_path) = match args.model.as_deref() {
-        Some([mesh, skeleton]) => ("heat/model", mesh.clone(), skeleton.clone()),
-        _ => match shared_model() {
-            Some((mesh, skeleton)) => ("heat/armadillo", mesh, skeleton),
-            None => {
-                eprintln!("heat/armadillo: skipped, the model is not here; name another with --model MESH SKELETON");
-                return Ok(Vec::new());
-            }
-        },
+    let given = args.model.as_deref().and_then(|m| Some(("heat/model", m.first()?.clone(), m.get(1)?.clone())));
+    let Some((name, mesh_path, skeleton_path)) = given.or_else(shared_model) else {
+        eprintln!("heat/armadillo: skipped, the model is not here; name another with --model MESH SKELETON");
+        return Ok(Vec::new());
     };
     let mesh = inputs::model(&mesh_path)?.mesh;
     let skeleton = inputs::skeleton(&skeleton_path)?;
@@ -58,10 +53,11 @@ fn measure(name: &'static str, mesh: &TriangleMesh, skeleton: &Skeleton) -> Resu
 }
 
 /// The model that the budgets are stated for, where a checkout has the shared data beside it.
-fn shared_model() -> Option<(PathBuf, PathBuf)> {
+fn shared_model() -> Option<(&'static str, PathBuf, PathBuf)> {
     let here = std::env::current_dir().ok()?;
     let folder = here.ancestors().map(|a| a.join("shared/data")).find(|d| d.is_dir())?;
-    Some((folder.join("armadillo.obj"), folder.join("armadillo.tgf"))).filter(|(mesh, _)| mesh.exists())
+    let (mesh, skeleton) = (folder.join("armadillo.obj"), folder.join("armadillo.tgf"));
+    mesh.exists().then_some(("heat/armadillo", mesh, skeleton))
 }
 
 /// Seconds of Blender's automatic weights alone, by the script that also compares the values.

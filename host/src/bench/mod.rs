@@ -61,10 +61,11 @@ impl Measurement {
     fn to_line(&self) -> String {
         let mut line = format!("{:32} {:>12} {:8} ({} runs)", self.name, significant(self.value), self.unit, self.runs);
         if let Some((words, met)) = self.budget {
-            line += &format!("  {} {words}", if met { "✓" } else { "✗" });
+            line.extend(["  ", if met { "✓" } else { "✗" }, " ", words]);
         }
         if let Some((peer, value)) = &self.peer {
-            line += &format!("  {peer}: {} {}, ratio {:.3}", significant(*value), self.unit, self.value / value);
+            let (theirs, ratio) = (significant(*value), self.value / value);
+            line = format!("{line}  {peer}: {theirs} {}, ratio {ratio:.3}", self.unit);
         }
         line
     }

@@ -49,7 +49,7 @@ fn inspect_model(path: &Path) -> Result<Findings, Failure> {
             rig.influences.per_vertex()
         )),
         None => {
-            words.push("brings no rig: bind needs --skeleton (TGF, BVH or glTF) and computes bone heat weights".into())
+            words.push("brings no rig: bind needs --skeleton (TGF, BVH or glTF) and computes bone heat weights".into());
         }
     }
     for (name, motion) in &model.motions {

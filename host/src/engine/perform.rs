@@ -162,7 +162,7 @@ impl Show<'_> {
         let failure = problem_failure(problem);
         match (self.began, problem) {
             (None, DeviceProblem::Refused { .. } | DeviceProblem::NoAnswer { .. }) => {
-                tracing::warn!("{}", failure.what)
+                tracing::warn!("{}", failure.what);
             }
             (None, _) => return Err(failure),
             (Some(_), DeviceProblem::Disconnected { .. }) => self.trouble = Some(failure),
@@ -211,7 +211,7 @@ impl Show<'_> {
         let take = match take {
             Some((out, recorded)) => {
                 let path = self.plan.record.clone().unwrap_or_default();
-                let file = out.into_inner().map_err(|e| e.into_error());
+                let file = out.into_inner().map_err(std::io::IntoInnerError::into_error);
                 file.and_then(|f| f.sync_all())
                     .map_err(|e| Failure::input(format!("{}: {e}", path.display()), "make room on the disk"))?;
                 Some((path, recorded))

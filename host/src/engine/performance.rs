@@ -5,8 +5,9 @@
 
 use std::sync::Arc;
 
-use armature_rig::{BoneStatus, Calibration, JointTree, Mapping, Pose, RawSample, SensorState, ZeroReport};
-use armature_take::{SolveError, StreamSolver};
+use armature_rig::{
+    BoneStatus, Calibration, JointTree, Mapping, Pose, RawSample, SensorState, SolveError, StreamSolver, ZeroReport,
+};
 use glam::Affine3A;
 
 use super::actor::Actor;

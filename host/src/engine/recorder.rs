@@ -55,7 +55,7 @@ pub fn create_take(path: &Path) -> Result<BufWriter<std::fs::File>, Failure> {
 /// The first of `NAME.take`, `NAME-2.take`, … that does not exist yet.
 pub fn free_take_name(folder: &Path, name: &str) -> PathBuf {
     let candidate = |n: u32| folder.join(if n < 2 { format!("{name}.take") } else { format!("{name}-{n}.take") });
-    (1..).map(candidate).find(|path| !path.exists()).unwrap_or_else(|| candidate(0))
+    (1..u32::MAX).map(candidate).find(|path| !path.exists()).unwrap_or_else(|| candidate(0))
 }
 
 impl<W: Write> Recorder<W> {

@@ -260,7 +260,7 @@ impl Show {
             for warning in &found.warnings {
                 tracing::warn!("{warning}");
             }
-            self.enter(Arc::new(found.actor))
+            self.enter(&Arc::new(found.actor))
         });
         match entered {
             Err(failure) if !cancelled => self.tell_problem(&failure),
@@ -268,11 +268,11 @@ impl Show {
         }
     }
 
-    fn enter(&mut self, actor: Arc<Actor>) -> Result<(), Failure> {
+    fn enter(&mut self, actor: &Arc<Actor>) -> Result<(), Failure> {
         let calibration =
             self.stage.as_ref().map_or_else(Calibration::default, |s| s.performance().calibration().clone());
         let performance = Performance::new(actor.clone(), None, calibration, ZeroPolicy::WhenUnknown)?;
-        self.link.send(EngineEvent::CharacterLoaded(Arc::new(frames::view_of(&actor))));
+        self.link.send(EngineEvent::CharacterLoaded(Arc::new(frames::view_of(actor))));
         match &mut self.stage {
             Some(stage) => stage.replace_performance(performance),
             None => self.stage = Some(Stage::new(performance)),

@@ -21,6 +21,7 @@ mod propose;
 mod sample;
 mod skeleton;
 mod skeleton_puppet;
+mod stream_solver;
 
 pub use calibration::{Calibration, CalibrationError, SensorCalibration, SkippedSensor, ZeroReport};
 pub use child_order::ChildOrder;
@@ -34,3 +35,4 @@ pub use propose::{Proposal, propose};
 pub use sample::{RawSample, SensorState};
 pub use skeleton::{Bone, Skeleton, SkeletonError};
 pub use skeleton_puppet::skeleton_puppet;
+pub use stream_solver::{SolveError, StreamSolver};

@@ -87,7 +87,6 @@ mod record;
 mod replay;
 mod report;
 mod resample;
-mod stream_solver;
 mod summary;
 mod timeline;
 mod writer;
@@ -105,7 +104,6 @@ pub use record::{Event, EventKind, Header, Record, RecordKind, Sample, Topology,
 pub use replay::{Difference, ReplayError, ReplaySummary, Replayed, Verification, replay, solve_again, verify};
 pub use report::{Problem, ReadReport, UnknownRecords};
 pub use resample::{HeldGap, ResampleError, ResampleSettings, Resampled, resample};
-pub use stream_solver::{SolveError, StreamSolver};
 pub use summary::{Summary, summarize};
 pub use timeline::{Timeline, TimelineReport};
 pub use writer::TakeWriter;

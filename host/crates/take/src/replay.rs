@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use armature_rig::{Pose, Skeleton, Transform};
+use armature_rig::{Pose, Skeleton, SolveError, StreamSolver, Transform};
 
 use crate::packed_pose::same_bits;
-use crate::{PackedPose, Record, Sample, SolveError, StreamSolver, Take};
+use crate::{PackedPose, Record, Sample, Take};
 
 /// How many samples back a recorded pose may refer to. Programs write a pose right behind its sample, or a few
 /// samples later when solving runs on another thread.

@@ -27,7 +27,7 @@ fn settings(poses: PoseSource, frames_per_second: f64) -> ExportSettings {
 /// A second at 100 samples a second, without poses unless `poses`.
 fn recorded(poses: bool) -> Take {
     let mut writer = TakeWriter::new(Vec::new(), &header()).unwrap();
-    let mut solver = armature_take::StreamSolver::new(arm());
+    let mut solver = armature_rig::StreamSolver::new(arm());
     solver.set_topology(1, arm_tree());
     solver.set_calibration(arm_calibration());
     solver.set_mapping(arm_mapping());

@@ -6,11 +6,8 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_rig::{MappingError, PartUid, RawSample, SensorState};
-use armature_take::{
-    Difference, Record, ReplayError, SolveError, StreamSolver, Take, TakeWriter, Verification, replay, solve_again,
-    verify,
-};
+use armature_rig::{MappingError, PartUid, RawSample, SensorState, SolveError, StreamSolver};
+use armature_take::{Difference, Record, ReplayError, Take, TakeWriter, Verification, replay, solve_again, verify};
 use glam::Quat;
 use proptest::prelude::*;
 use support::{arm, arm_calibration, arm_mapping, arm_tree, bits, header, pose, raw, read};

@@ -1,11 +1,11 @@
 //! Solving a stream of samples while puppet, calibration and mapping change under it.
 
-use armature_rig::{Calibration, JointTree, Mapping, MappingError, Pose, PoseSolver, RawSample, SampleError, Skeleton};
+use crate::{Calibration, JointTree, Mapping, MappingError, Pose, PoseSolver, RawSample, SampleError, Skeleton};
 
 /// From samples to poses, with every change taking effect from the next sample on.
 ///
 /// A pose depends on earlier samples too (a sensor without data keeps its last reading), so a replay is exact
-/// only if it goes the way the recording went. This is that way: the live program and [`crate::replay`] both
+/// only if it goes the way the recording went. This is that way: the live program and the replay of a take both
 /// use it. Give it every sample that goes into the take, in that order, and every change that goes into the
 /// take, at its place.
 #[derive(Clone, Debug)]
