@@ -18,11 +18,22 @@ use engine::EngineLink;
 /// Why there is no window.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
-    /// No adapter, no display, or no window system.
+    /// There is nothing to show a window on.
     #[error(
-        "the window could not be opened: {detail}. It needs a display and a graphics adapter (on Debian: apt install mesa-vulkan-drivers libvulkan1); without them, use `armature run` or `armature demo`"
+        "the window could not be opened: no display answers (is DISPLAY or WAYLAND_DISPLAY set?). Without one, use `armature run` or `armature demo`"
     )]
-    Open {
+    NoDisplay,
+    /// There is nothing to draw with.
+    #[error(
+        "the window could not be opened: no graphics adapter can draw in it ({detail}). On Debian or Ubuntu a software one comes with: apt install mesa-vulkan-drivers libvulkan1"
+    )]
+    NoAdapter {
+        /// What wgpu says.
+        detail: String,
+    },
+    /// The window system refused for another reason.
+    #[error("the window could not be opened: {detail}. Without it, use `armature run` or `armature demo`")]
+    Refused {
         /// What eframe says.
         detail: String,
     },
@@ -57,7 +68,12 @@ pub fn run(start: Start, spawn_engine: impl FnOnce(EngineLink) -> JoinHandle<()>
     // The window is gone and its end of the link with it, so the engine has been told to quit.
     let engine = thread.lock().unwrap_or_else(PoisonError::into_inner).take();
     let joined = engine.map(JoinHandle::join);
-    opened.map_err(|error| WindowError::Open { detail: error.to_string() })?;
+    opened.map_err(|error| match error {
+        // What winit says names files of its own sources.
+        eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_) => WindowError::NoDisplay,
+        eframe::Error::Wgpu(error) => WindowError::NoAdapter { detail: error.to_string() },
+        other => WindowError::Refused { detail: other.to_string() },
+    })?;
     match joined {
         Some(Err(_)) => Err(WindowError::EngineStopped),
         Some(Ok(())) | None => Ok(()),
