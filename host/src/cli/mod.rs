@@ -231,9 +231,9 @@ pub struct ReplayArgs {
     /// The picture's file
     #[arg(long, value_name = "PNG")]
     pub picture: Option<PathBuf>,
-    /// The character for the picture
-    #[arg(short, long, default_value = "human")]
-    pub character: String,
+    /// The character for the picture; without it, the one the take was recorded with
+    #[arg(short, long)]
+    pub character: Option<String>,
 }
 
 /// `armature export`

@@ -38,9 +38,10 @@ fn inspect_model(path: &Path) -> Result<Findings, Failure> {
         Failure::input(format!("{}: {e}", path.display()), "repair the mesh and export it again")
     };
     let diagnosis = diagnose(&model.mesh).map_err(unusable)?;
-    let mut words = mesh_words(&diagnosis);
+    let mut words = mesh_words(&diagnosis, model.tetrahedra.is_some());
     if let Some(tetrahedra) = &model.tetrahedra {
-        words.push(format!("volume mesh: {} tetrahedra", tetrahedra.tetrahedra.len()));
+        let (count, inner) = (tetrahedra.tetrahedra.len(), diagnosis.isolated_vertices);
+        words.push(format!("volume mesh: {count} tetrahedra, {inner} vertices inside"));
     }
     match &model.rig {
         Some(rig) => words.push(format!(
@@ -66,7 +67,7 @@ fn inspect_model(path: &Path) -> Result<Findings, Failure> {
     Ok((words, value))
 }
 
-fn mesh_words(d: &Diagnosis) -> Vec<String> {
+fn mesh_words(d: &Diagnosis, is_volume: bool) -> Vec<String> {
     let size: Vec<String> = (0..3).map(|k| format!("{:.4}", d.high[k] - d.low[k])).collect();
     let mut words = vec![
         format!(
@@ -86,7 +87,7 @@ fn mesh_words(d: &Diagnosis) -> Vec<String> {
         (d.degenerate_triangles, "degenerate triangle", "without area"),
         (d.duplicate_triangles, "duplicate triangle", ""),
         (d.duplicate_vertices, "duplicate vertice", "seams of textures, or a soup of triangles"),
-        (d.isolated_vertices, "isolated vertice", "in no triangle"),
+        (if is_volume { 0 } else { d.isolated_vertices }, "isolated vertice", "in no triangle"),
     ];
     for (count, name, meaning) in counts.into_iter().filter(|(count, ..)| *count > 0) {
         let name = if count == 1 { name.replace("vertice", "vertex") } else { format!("{name}s") };

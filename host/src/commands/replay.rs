@@ -38,10 +38,10 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
 
 fn draw(take: &Take, args: &ReplayArgs, at: f64, path: &std::path::Path, talk: Talk) -> Result<(), Failure> {
     let bar = Bar::new(talk, "drawing");
-    let found = characters::find(&args.character, &mut bar.binding())?;
+    let source = args.character.clone().unwrap_or_else(|| take.header().character_name.clone());
+    let found = characters::find(&source, &mut bar.binding())?;
     if take.skeleton() != Some(&found.actor.skeleton) {
-        let what =
-            format!("{} was recorded on another skeleton than that of {:?}", args.take.display(), args.character);
+        let what = format!("{} was recorded on another skeleton than that of {source:?}", args.take.display());
         return Err(Failure::usage(
             what,
             format!("give --character the one it was recorded with ({:?})", take.header().character_name),
