@@ -9,7 +9,7 @@ use armature_rig::Skeleton;
 use armature_weights::{BoneHeatSettings, BoneSegment, bone_heat};
 
 use super::{Measurement, median, time_runs};
-use crate::cli::BenchArgs;
+use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
 use crate::inputs;
 

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::cli::BenchArgs;
+use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
 
 mod heat;

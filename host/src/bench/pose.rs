@@ -11,9 +11,10 @@ use glam::{Affine3A, Quat, Vec3};
 
 use super::{Measurement, median, percentile, time_runs};
 use crate::characters;
-use crate::cli::{BenchArgs, SimulatedArgs};
+use crate::cli::args::BenchArgs;
 use crate::engine::perform::{Next, Source};
 use crate::engine::performance::{Performance, ZeroPolicy};
+use crate::engine::simulated::SimulatedArgs;
 use crate::engine::stage::Stage;
 use crate::engine::virtual_clock::VirtualPuppet;
 use crate::failure::Failure;

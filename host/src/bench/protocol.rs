@@ -5,7 +5,7 @@ use std::hint::black_box;
 use firmware_protocol::{Decoder, DeviceMessage, EncodeError, FrameBuffer, SampleMessage, SensorState};
 
 use super::{Measurement, median, time_runs};
-use crate::cli::BenchArgs;
+use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
 
 pub(super) const NAMES: &[&str] = &["protocol/decode", "protocol/encode", "protocol/line-share-32x3-1000hz"];

@@ -8,10 +8,11 @@ use armature_take::Header;
 
 use super::Measurement;
 use crate::characters;
-use crate::cli::{BenchArgs, SimulatedArgs};
+use crate::cli::args::BenchArgs;
 use crate::engine::live::Live;
 use crate::engine::perform::{self, Plan};
 use crate::engine::performance::{Performance, ZeroPolicy};
+use crate::engine::simulated::SimulatedArgs;
 use crate::failure::Failure;
 
 pub(super) const NAMES: &[&str] = &[

@@ -2,7 +2,7 @@
 
 use armature_character::{BindSettings, Provenance};
 
-use crate::cli::BindArgs;
+use crate::cli::args::BindArgs;
 use crate::engine::actor::Actor;
 use crate::failure::Failure;
 use crate::talk::{Bar, Talk};

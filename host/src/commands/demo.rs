@@ -8,11 +8,12 @@ use armature_take::{ExportSettings, Header, ResampleSettings, Take, Timeline, ve
 
 use glam::Affine3A;
 
-use crate::cli::{DemoArgs, SimulatedArgs};
+use crate::cli::args::DemoArgs;
 use crate::engine::actor::Actor;
 use crate::engine::live::Live;
 use crate::engine::perform::{self, Plan, Summary};
 use crate::engine::performance::{Performance, ZeroPolicy};
+use crate::engine::simulated::SimulatedArgs;
 use crate::exports::{self, Target};
 use crate::failure::Failure;
 use crate::talk::{Bar, Talk};

@@ -3,7 +3,7 @@
 use armature_take::{ExportSettings, ResampleSettings};
 
 use crate::characters;
-use crate::cli::ExportArgs;
+use crate::cli::args::ExportArgs;
 use crate::exports::{self, Target};
 use crate::failure::Failure;
 use crate::talk::{Bar, Talk};

@@ -7,7 +7,7 @@ use armature_rig::{Motion, Skeleton};
 use armature_take::Take;
 use serde_json::{Value, json};
 
-use crate::cli::InspectArgs;
+use crate::cli::args::InspectArgs;
 use crate::failure::Failure;
 use crate::{files, inputs};
 

@@ -2,7 +2,7 @@
 
 use armature_take::{Take, Timeline, verify};
 
-use crate::cli::ReplayArgs;
+use crate::cli::args::ReplayArgs;
 use crate::failure::Failure;
 use crate::talk::{Bar, Talk};
 use crate::{characters, pictures, takes};

@@ -7,7 +7,7 @@ use armature_rig::{Calibration, Mapping};
 use armature_take::Header;
 
 use crate::characters;
-use crate::cli::RunArgs;
+use crate::cli::args::RunArgs;
 use crate::engine::actor::Actor;
 use crate::engine::live::{Live, parse_address};
 use crate::engine::perform::{self, Plan, Summary};

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use armature_sim::serve;
 
-use crate::cli::SimArgs;
+use crate::cli::args::SimArgs;
 use crate::engine::simulated;
 use crate::failure::Failure;
 

@@ -1,7 +1,7 @@
 //! `armature` without a subcommand
 
 use crate::app::{self, Start};
-use crate::cli::WindowArgs;
+use crate::cli::args::WindowArgs;
 use crate::engine::show;
 use crate::failure::Failure;
 

@@ -9,7 +9,7 @@ use tokio::runtime::Runtime;
 
 use super::perform::{Next, Source};
 use super::second_process::SimulatedPuppet;
-use crate::cli::SimulatedArgs;
+use crate::engine::simulated::SimulatedArgs;
 use crate::failure::Failure;
 
 /// How long one look for an event may take, so that Ctrl-C and the clock are heeded.

@@ -45,6 +45,8 @@ pub struct Performance {
     actor: Arc<Actor>,
     skin: Option<armature_deform::LinearBlendSkin>,
     chosen_mapping: Option<Mapping>,
+    /// The last proposal and the puppet it was made for.
+    proposed: Option<(JointTree, Mapping)>,
     zero_policy: ZeroPolicy,
     zero_wanted: bool,
     waited_samples: u32,
@@ -72,6 +74,7 @@ impl Performance {
             actor,
             skin,
             chosen_mapping: mapping,
+            proposed: None,
             zero_policy,
             zero_wanted: false,
             waited_samples: 0,
@@ -86,7 +89,7 @@ impl Performance {
     pub fn set_topology(&mut self, epoch: u16, tree: JointTree) {
         let mapping = match &self.chosen_mapping {
             Some(mapping) => mapping.clone(),
-            None => armature_rig::propose(&tree, &self.actor.skeleton).mapping,
+            None => self.proposal(&tree),
         };
         let mut calibration = self.solver.calibration().clone();
         let unknown = tree.parts().iter().any(|part| {
@@ -104,6 +107,17 @@ impl Performance {
         self.solver.set_calibration(calibration);
         self.solver.set_mapping(mapping);
         self.solver.set_topology(epoch, tree);
+    }
+
+    /// What was proposed for a puppet still holds while parts of it are unplugged, and when they are back: otherwise
+    /// the rest of it would change bones in the middle of a performance.
+    fn proposal(&mut self, tree: &JointTree) -> Mapping {
+        if let Some((_, mapping)) = self.proposed.as_ref().filter(|(whole, _)| is_part_of(tree, whole)) {
+            return mapping.clone();
+        }
+        let mapping = armature_rig::propose(tree, &self.actor.skeleton).mapping;
+        self.proposed = Some((tree.clone(), mapping.clone()));
+        mapping
     }
 
     /// The next good sample becomes the rest pose.
@@ -211,4 +225,16 @@ impl Performance {
     pub fn skinned(&self) -> (&[[f32; 3]], &[[f32; 3]]) {
         (&self.positions, &self.normals)
     }
+}
+
+/// Whether every part of a tree is plugged in at the same place of a larger one.
+fn is_part_of(tree: &JointTree, whole: &JointTree) -> bool {
+    let uid_above = |tree: &JointTree, parent: Option<usize>| parent.map(|p| tree.parts()[p].uid);
+    tree.parts().iter().all(|part| {
+        let same = whole.find(part.uid).map(|index| &whole.parts()[index]);
+        same.is_some_and(|same| {
+            (same.kind, same.outlet) == (part.kind, part.outlet)
+                && uid_above(whole, same.parent) == uid_above(tree, part.parent)
+        })
+    })
 }

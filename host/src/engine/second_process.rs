@@ -5,7 +5,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use crate::cli::SimulatedArgs;
+use crate::engine::simulated::SimulatedArgs;
 use crate::failure::Failure;
 
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -22,7 +22,7 @@ use super::stage::Stage;
 use super::{frames, frames::FrameClock};
 use crate::app::engine::{CharacterChoice, Command, EngineEvent, EngineLink, FoundDevice, Problem};
 use crate::characters::{self, Found};
-use crate::cli::SimulatedArgs;
+use crate::engine::simulated::SimulatedArgs;
 use crate::failure::Failure;
 use crate::{files, settings};
 

@@ -8,7 +8,7 @@ use armature_sim::Puppet;
 
 use super::perform::{Next, Source};
 use super::simulated;
-use crate::cli::SimulatedArgs;
+use crate::engine::simulated::SimulatedArgs;
 use crate::failure::Failure;
 
 /// How far the clock moves at once. A sample is received at most so much later than it was taken.

@@ -1,0 +1,196 @@
+//! What each subcommand can be told.
+
+use std::path::PathBuf;
+
+use armature_sim::serve;
+use clap::Args;
+
+use crate::engine::simulated::SimulatedArgs;
+
+/// `armature demo`
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Folder for the take, the exports and the picture
+    #[arg(short, long, default_value = "armature-demo")]
+    pub output: PathBuf,
+    /// How long the puppet performs
+    #[arg(long, default_value_t = 10.0, value_parser = positive_seconds)]
+    pub seconds: f64,
+    /// Samples a second
+    #[arg(long, default_value_t = 200.0, value_parser = sample_rate)]
+    pub rate: f64,
+    /// Seed of the simulated puppet
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// `armature inspect`
+#[derive(Debug, Args)]
+pub struct InspectArgs {
+    /// A mesh (obj, ply, stl, off, gltf, glb, mesh), skeleton (tgf), motion (bvh), character (armature) or take
+    pub file: PathBuf,
+    /// One JSON object in place of words
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `armature bind`
+#[derive(Debug, Args)]
+pub struct BindArgs {
+    /// The mesh (obj, ply, stl, off, gltf, glb, mesh)
+    pub mesh: PathBuf,
+    /// The skeleton (tgf, bvh, or a gltf/glb with a skin); a rigged glTF brings its own
+    #[arg(short, long)]
+    pub skeleton: Option<PathBuf>,
+    /// Where to save the character
+    #[arg(short, long, default_value = "character.armature")]
+    pub output: PathBuf,
+    /// Most bones a vertex may follow
+    #[arg(long, default_value_t = 4, value_parser = influence_count)]
+    pub influences: usize,
+    /// Replace the skeleton and weights that the file itself brings
+    #[arg(long)]
+    pub replace_rig: bool,
+    /// Compute again even if the same input was bound before
+    #[arg(long)]
+    pub no_cache: bool,
+    /// Write a picture of the bound character
+    #[arg(long, value_name = "PNG")]
+    pub picture: Option<PathBuf>,
+}
+
+/// `armature run`
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The puppet: sim:human, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD], tcp:HOST:PORT
+    #[arg(short, long, default_value = "sim:human")]
+    pub device: String,
+    /// The character: human, spider, hand, a .armature file, or a mesh or motion file that brings a skeleton
+    #[arg(short, long, default_value = "human")]
+    pub character: String,
+    /// How long to run; without it, until Ctrl-C
+    #[arg(short, long, value_parser = positive_seconds)]
+    pub seconds: Option<f64>,
+    /// Record the performance into this take
+    #[arg(short, long, value_name = "TAKE")]
+    pub record: Option<PathBuf>,
+    /// Samples a second to ask the puppet for
+    #[arg(long, default_value_t = 200.0, value_parser = sample_rate)]
+    pub rate: f64,
+    /// Which joint drives which bone (TOML); without it the program proposes from the shape of the two trees
+    #[arg(long, value_name = "TOML")]
+    pub mapping: Option<PathBuf>,
+    /// Save the mapping in use, to be corrected by hand
+    #[arg(long, value_name = "TOML")]
+    pub save_mapping: Option<PathBuf>,
+    /// Calibration file to use and update; without it, the one kept for this user (never for a simulated puppet)
+    #[arg(long, value_name = "TOML")]
+    pub calibration: Option<PathBuf>,
+    /// Take the pose at the beginning as the rest pose even if the joints are calibrated
+    #[arg(long)]
+    pub zero: bool,
+    /// What a simulated puppet does.
+    #[command(flatten)]
+    pub simulated: SimulatedArgs,
+    /// Run a simulated puppet on a clock of its own, as fast as the machine can and the same every time
+    #[arg(long)]
+    pub virtual_clock: bool,
+}
+
+/// `armature replay`
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// The take
+    pub take: PathBuf,
+    /// Write a picture of the character at this second of the take
+    #[arg(long, value_name = "SECONDS", requires = "picture")]
+    pub at: Option<f64>,
+    /// The picture's file
+    #[arg(long, value_name = "PNG")]
+    pub picture: Option<PathBuf>,
+    /// The character for the picture; without it, the one the take was recorded with
+    #[arg(short, long)]
+    pub character: Option<String>,
+}
+
+/// `armature export`
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// The take
+    pub take: PathBuf,
+    /// Where to: a .bvh or .glb file
+    #[arg(short, long, value_name = "FILE")]
+    pub to: PathBuf,
+    /// Frames a second of the exported motion; the take's own time stamps are resampled to it
+    #[arg(long, default_value_t = 60.0, value_parser = sample_rate)]
+    pub fps: f64,
+    /// The character whose mesh goes into a GLB; without it, the one the take was recorded with
+    #[arg(short, long)]
+    pub character: Option<String>,
+}
+
+/// `armature bench`
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Which benchmarks: any part of their names; all without it
+    pub what: Option<String>,
+    /// One JSON object a line
+    #[arg(long)]
+    pub json: bool,
+    /// Only list the names
+    #[arg(long)]
+    pub list: bool,
+    /// Mesh and skeleton to bind in `heat/…` (an OBJ and a TGF)
+    #[arg(long, num_args = 2, value_names = ["MESH", "SKELETON"])]
+    pub model: Option<Vec<PathBuf>>,
+    /// Seconds of the stream benchmark
+    #[arg(long, default_value_t = 60.0, value_parser = positive_seconds)]
+    pub stream_seconds: f64,
+    /// A Python that has Blender's `bpy` module, to run Blender's automatic weights beside ours
+    #[arg(long, value_name = "PYTHON", env = "ARMATURE_BPY_PYTHON")]
+    pub bpy_python: Option<PathBuf>,
+}
+
+/// `armature sim`
+#[derive(Debug, Args)]
+pub struct SimArgs {
+    /// The puppet and what goes wrong.
+    #[command(flatten)]
+    pub options: serve::Options,
+    /// Serve on this TCP address in place of a pseudo-terminal; port 0 picks a free one
+    #[arg(long, value_name = "HOST:PORT")]
+    pub tcp: Option<String>,
+    /// Stop when standard input ends, as it does when the program that started this one is gone
+    #[arg(long)]
+    pub until_input_ends: bool,
+}
+
+/// `armature window`
+#[derive(Debug, Default, Args)]
+pub struct WindowArgs {
+    /// Connect to this puppet at once
+    #[arg(short, long)]
+    pub device: Option<String>,
+    /// Load this character
+    #[arg(short, long, default_value = "human")]
+    pub character: String,
+}
+
+fn positive_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("{text:?} is not a number of seconds"))?;
+    if seconds.is_finite() && seconds > 0.0 && seconds <= 86_400.0 {
+        Ok(seconds)
+    } else {
+        Err("give a number of seconds above 0 and up to a day (86400)".into())
+    }
+}
+
+fn sample_rate(text: &str) -> Result<f64, String> {
+    let rate: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
+    if rate.is_finite() && (1.0..=4000.0).contains(&rate) { Ok(rate) } else { Err("give 1 to 4000 a second".into()) }
+}
+
+fn influence_count(text: &str) -> Result<usize, String> {
+    let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
+    if (1..=8).contains(&count) { Ok(count) } else { Err("give 1 to 8; most engines take 4".into()) }
+}
