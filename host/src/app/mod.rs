@@ -72,7 +72,7 @@ pub fn run(start: Start, spawn_engine: impl FnOnce(EngineLink) -> JoinHandle<()>
         // What winit says names files of its own sources.
         eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_) => WindowError::NoDisplay,
         eframe::Error::Wgpu(error) => WindowError::NoAdapter { detail: error.to_string() },
-        other => WindowError::Refused { detail: other.to_string() },
+        eframe::Error::AppCreation(error) => WindowError::Refused { detail: error.to_string() },
     })?;
     match joined {
         Some(Err(_)) => Err(WindowError::EngineStopped),
