@@ -1,0 +1,262 @@
+//! What goes wrong on a line is counted exactly, said in the take, and touches nothing else.
+//!
+//! Session, take and simulator are three witnesses. The simulator knows the truth; the others have to agree with it to
+//! the last sample.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
+mod tapped;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use armature_device::Event;
+use armature_rig::Pose;
+use armature_sim::Body;
+use armature_sim::serve::Options;
+use armature_take::{EventKind, Record, Take, summarize, verify};
+use armature_tests::{Run, Setup, bones_of, go_on, options, perform, perform_from};
+use tapped::Tapped;
+
+const RATE: f64 = 100.0;
+const SEED: u64 = 5;
+
+fn human(options: Options, samples: u32) -> Run {
+    perform(options.puppet().unwrap(), &bones_of("human"), &Setup::samples(samples, RATE))
+}
+
+fn lost_in(events: &[Event]) -> u64 {
+    events.iter().map(|e| if let Event::Lost { count, .. } = e { u64::from(*count) } else { 0 }).sum()
+}
+
+fn samples_in(events: &[Event]) -> u64 {
+    events.iter().filter(|e| matches!(e, Event::Sample(_))).count() as u64
+}
+
+/// Pieces with a wrong checksum and bytes passed over.
+fn noise_in(events: &[Event]) -> (u64, u64) {
+    let noise = events.iter().filter_map(|e| match e {
+        Event::Noise { checksum_errors, bytes, .. } => Some((*checksum_errors, *bytes)),
+        _ => None,
+    });
+    noise.fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
+}
+
+/// Samples that were taken after the last one that came through: nobody but the simulator can know of them yet.
+fn still_unknown(run: &Run) -> u64 {
+    let last = run.take.samples().last().unwrap().raw.sequence;
+    run.truth.samples_taken - u64::from(last) - 1
+}
+
+/// Session, take and simulator agree on a stream that was never begun anew.
+fn assert_accounts_agree(run: &Run) {
+    let (counters, truth) = (run.summary.counters, run.truth);
+    assert_eq!(counters.frames, truth.frames_sent - truth.frames_damaged, "every whole frame, and no other");
+    assert_eq!(counters.lost_samples, truth.samples_damaged - still_unknown(run), "every damaged sample");
+    assert_eq!(counters.samples + truth.samples_damaged, truth.samples_taken);
+    assert_eq!((counters.malformed_messages, counters.unknown_messages, counters.unusable_samples), (0, 0, 0));
+    assert_eq!((counters.duplicate_samples, counters.stale_samples), (0, 0));
+    assert_eq!(samples_in(&run.events), counters.samples);
+    assert_eq!(lost_in(&run.events), counters.lost_samples);
+    assert_take_tells_all(run);
+}
+
+/// The take says what the session reported since its first sample, in its place.
+fn assert_take_tells_all(run: &Run) {
+    let events = run.events_of_take();
+    let summary = summarize(&run.take);
+    assert_eq!(summary.samples, samples_in(events));
+    assert_eq!(summary.lost_samples, lost_in(events));
+    assert_eq!((summary.crc_errors, summary.discarded_bytes), noise_in(events));
+    let recorded = &run.summary.take.as_ref().unwrap().1;
+    assert_eq!((recorded.samples, recorded.lost), (summary.samples, summary.lost_samples));
+    assert_gaps_are_told(&run.take);
+    let verification = verify(&run.take, &mut go_on).unwrap();
+    assert!(verification.is_exact(), "{verification:?}");
+    assert_eq!(verification.identical, summary.samples);
+}
+
+/// Between two samples of one stream there is a gap exactly where an event says so, and as long as it says.
+fn assert_gaps_are_told(take: &Take) {
+    let mut last: Option<u32> = None;
+    let mut told = 0;
+    for record in take.records() {
+        match record {
+            Record::Event(event) => match event.kind {
+                EventKind::LostSamples { count, after_sequence } => {
+                    assert_eq!(last.map_or(after_sequence, |s| s), after_sequence);
+                    told += count;
+                }
+                EventKind::Restart => last = None,
+                _ => {}
+            },
+            Record::Sample(sample) => {
+                if let Some(last) = last {
+                    assert_eq!(u64::from(sample.raw.sequence - last) - 1, told, "before {}", sample.raw.sequence);
+                }
+                (last, told) = (Some(sample.raw.sequence), 0);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The poses of a take by the number of their sample.
+fn poses(take: &Take) -> BTreeMap<u32, Pose> {
+    take.poses().map(|packed| (packed.sequence, take.unpack(packed))).collect()
+}
+
+/// All poses of a disturbed run are those of the calm one, on the bones that count.
+fn assert_same_poses(disturbed: &Take, calm: &Take, counts: impl Fn(&str) -> bool) -> usize {
+    let calm_poses = poses(calm);
+    let bones = calm.skeleton().unwrap().bones();
+    let mut compared = 0;
+    for (sequence, pose) in poses(disturbed) {
+        let Some(expected) = calm_poses.get(&sequence) else { continue };
+        compared += 1;
+        for (bone, (a, b)) in bones.iter().zip(pose.parent_from_bone.iter().zip(&expected.parent_from_bone)) {
+            assert!(!counts(&bone.name) || a == b, "{} at sample {sequence}: {a:?}, calm {b:?}", bone.name);
+        }
+    }
+    compared
+}
+
+#[test]
+fn a_second_of_noise_is_survived_and_counted() {
+    let noisy = human(Options { burst: vec!["1.5:1".into()], ..options("human", SEED) }, 400);
+    assert!(noisy.truth.noise_bytes > 50_000 && noisy.truth.samples_damaged >= 100, "{:?}", noisy.truth);
+    assert_accounts_agree(&noisy);
+    let counters = noisy.summary.counters;
+    assert_eq!(still_unknown(&noisy), 0, "it recovered by itself and streams to the end");
+    assert_eq!((counters.connections, counters.restarts), (1, 0), "without a new hello");
+    let summary = summarize(&noisy.take);
+    assert_eq!(summary.crc_errors, counters.checksum_errors);
+    assert_eq!(summary.discarded_bytes, counters.discarded_bytes);
+    // A piece that noise begins may end with a whole frame's bytes; empty pieces between two delimiters are no bytes.
+    let discarded = counters.discarded_bytes as f64 / noisy.truth.noise_bytes as f64;
+    assert!((0.99..1.01).contains(&discarded), "{discarded}");
+    println!(
+        "a second of noise: {} bytes, {} samples lost, {} wrong checksums, {} bytes discarded",
+        noisy.truth.noise_bytes, summary.lost_samples, summary.crc_errors, summary.discarded_bytes
+    );
+    let calm = human(options("human", SEED), 400);
+    assert_eq!(summarize(&calm.take).lost_samples, 0);
+    let compared = assert_same_poses(&noisy.take, &calm.take, |_| true);
+    assert_eq!(compared, noisy.take.samples().count());
+}
+
+#[test]
+fn flipped_and_dropped_bytes_cost_their_frames_and_no_more() {
+    let calm = human(options("human", SEED), 600);
+    for (flip, drop, duplicate) in [(1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3), (1e-3, 1e-3, 1e-3)] {
+        let options = Options { flip, drop, duplicate, ..options("human", SEED) };
+        let run = human(options, 600);
+        let truth = run.truth;
+        assert!(truth.samples_damaged > 20, "{truth:?}");
+        assert_accounts_agree(&run);
+        assert!(run.summary.counters.checksum_errors + run.summary.counters.framing_errors > 20);
+        let compared = assert_same_poses(&run.take, &calm.take, |_| true);
+        assert!(compared > 400);
+        println!(
+            "flip {flip}, drop {drop}, duplicate {duplicate}: {} of {} samples lost, all known",
+            run.summary.counters.lost_samples, truth.samples_taken
+        );
+    }
+}
+
+/// Exactly so many frames have a wrong checksum: the test damages them itself, one byte of the content each.
+#[test]
+fn wrong_checksums_are_counted_to_the_last_one() {
+    fn damage(frame: usize, bytes: &mut [u8]) -> bool {
+        // From the tenth second of a frame on, so that the take has begun; the content, which no length covers.
+        let hit = frame > 100 && frame.is_multiple_of(7) && bytes.len() > 40;
+        if hit {
+            let place = bytes.len() / 2;
+            bytes[place] ^= if bytes[place] == 0x40 { 0x80 } else { 0x40 };
+        }
+        hit
+    }
+    let puppet = options("human", SEED).puppet().unwrap();
+    let source = Tapped::new(puppet, RATE, damage);
+    let damaged = source.damaged();
+    let run = perform_from(source, |s| s.puppet().truth(), &bones_of("human"), &Setup::samples(400, RATE));
+    let (frames, bytes) = damaged.get();
+    assert!(frames > 30);
+    let counters = run.summary.counters;
+    assert_eq!((counters.checksum_errors, counters.framing_errors, counters.discarded_bytes), (frames, 0, bytes));
+    let summary = summarize(&run.take);
+    assert_eq!((summary.crc_errors, summary.discarded_bytes), (frames, bytes));
+    assert_eq!(summary.lost_samples + still_unknown(&run), frames);
+    assert_take_tells_all(&run);
+    println!("{frames} frames damaged, {} wrong checksums in the take", summary.crc_errors);
+}
+
+#[test]
+fn a_restart_is_survived_and_told() {
+    let calm = human(options("human", SEED), 300);
+    let run = human(Options { restart: vec![1.7], ..options("human", SEED) }, 300);
+    let (counters, truth) = (run.summary.counters, run.truth);
+    assert_eq!((truth.restarts, counters.restarts, counters.connections), (1, 1, 2));
+    let summary = summarize(&run.take);
+    assert_eq!((summary.restarts, summary.lost_samples, summary.crc_errors), (1, 0, 0));
+    assert_eq!(counters.samples, truth.samples_taken, "nothing was taken that did not come");
+    assert_eq!((counters.lost_samples, counters.stale_samples), (0, 0));
+    assert_take_tells_all(&run);
+    // After its restart the puppet does the same again from the beginning, and so does the character.
+    let restart = run.take.records().iter().position(|r| matches!(r, Record::Event(e) if e.kind == EventKind::Restart));
+    let calm_poses = poses(&calm.take);
+    let mut compared = 0;
+    for record in &run.take.records()[restart.unwrap()..] {
+        let Record::Pose(packed) = record else { continue };
+        let Some(expected) = calm_poses.get(&packed.sequence) else { continue };
+        assert_eq!(&run.take.unpack(packed), expected, "sample {} after the restart", packed.sequence);
+        compared += 1;
+    }
+    println!("{compared} poses after the restart are those after the first start");
+    assert!(compared > 100);
+}
+
+/// Labels of a part and of all that hangs on it.
+fn subtree(body: &Body, label: &str) -> BTreeSet<[u8; 12]> {
+    let root = body.find(label).unwrap();
+    let parts = (0..body.parts().len()).filter(|&part| part == root || body.is_below(part, root));
+    parts.map(|part| body.parts()[part].uid.0).collect()
+}
+
+#[test]
+fn an_unplugged_arm_leaves_the_other_bones_alone() {
+    let calm = human(options("human", SEED), 400);
+    let run = human(Options { pull: vec!["left_shoulder@1.5:1".into()], ..options("human", SEED) }, 400);
+    let (counters, truth) = (run.summary.counters, run.truth);
+    assert_eq!(truth.topology_changes, 2);
+    assert_eq!(counters.samples, truth.samples_taken, "samples wait for their topology; none is lost");
+    assert_eq!((counters.lost_samples, counters.unusable_samples, counters.restarts), (0, 0, 0));
+    assert_take_tells_all(&run);
+    let changes: Vec<u16> = run
+        .take
+        .events()
+        .filter_map(|e| if let EventKind::TopologyChange { epoch } = e.kind { Some(epoch) } else { None })
+        .collect();
+    assert_eq!(changes, [1, 2]);
+
+    let body = Body::preset("human", SEED).unwrap();
+    let pulled = subtree(&body, "left_shoulder");
+    let on_the_arm: BTreeSet<&str> =
+        run.mapping().entries.iter().filter(|e| pulled.contains(&e.part.0)).map(|e| e.bone.as_str()).collect();
+    assert_eq!((pulled.len(), on_the_arm.len()), (4, 3), "shoulder, elbow with forearm, and wrist");
+    let others = run.mapping().entries.iter().filter(|e| !pulled.contains(&e.part.0)).count();
+    assert_eq!(others, 15);
+    let compared = assert_same_poses(&run.take, &calm.take, |bone| !on_the_arm.contains(bone));
+    assert_eq!(compared, 400, "all other bones follow as if nothing had happened");
+
+    // While it is out, the arm stays as it was; when it is back it follows again.
+    let part_epochs: BTreeMap<u32, u16> = run.take.samples().map(|s| (s.raw.sequence, s.raw.epoch)).collect();
+    let (poses, calm_poses) = (poses(&run.take), poses(&calm.take));
+    let out: Vec<&Pose> = poses.iter().filter(|(s, _)| part_epochs[*s] == 1).map(|(_, p)| p).collect();
+    assert!((98..=102).contains(&out.len()), "{} samples without the arm", out.len());
+    for bone in on_the_arm.iter().map(|name| run.take.skeleton().unwrap().find(name).unwrap()) {
+        assert!(out.iter().all(|p| p.parent_from_bone[bone] == out[0].parent_from_bone[bone]), "bone {bone} is held");
+        for (sequence, pose) in poses.iter().filter(|(s, _)| part_epochs[*s] == 2) {
+            assert_eq!(pose.parent_from_bone[bone], calm_poses[sequence].parent_from_bone[bone], "sample {sequence}");
+        }
+    }
+}
