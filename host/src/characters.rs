@@ -25,6 +25,15 @@ pub struct Found {
     pub warnings: Vec<String>,
 }
 
+/// The character for a puppet when none was chosen: the one that is built like it, else the human.
+pub fn default_for(device: &str) -> &str {
+    match device.strip_prefix("sim:") {
+        Some(own) if OWN.contains(&own) => own,
+        Some(file) if Path::new(file).extension().is_some() => file,
+        _ => OWN[0],
+    }
+}
+
 /// Finds a character: `human`, `spider`, `hand`, a `.armature` file, a mesh with a rig, or a file with only a skeleton.
 pub fn find(source: &str, progress: Progress) -> Result<Found, Failure> {
     if OWN.contains(&source) {
@@ -159,4 +168,18 @@ fn read_cached(path: &Path) -> Option<Character> {
 
 fn cache_folder() -> Option<PathBuf> {
     directories::ProjectDirs::from("", "", "armature").map(|d| d.cache_dir().join("characters"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_puppet_gets_the_character_built_like_it() {
+        assert_eq!(default_for("sim:spider"), "spider");
+        assert_eq!(default_for("sim:walk.bvh"), "walk.bvh");
+        assert_eq!(default_for("sim:joints:32"), "human");
+        assert_eq!(default_for("serial:/dev/ttyACM0"), "human");
+        assert_eq!(default_for(""), "human");
+    }
 }

@@ -65,9 +65,10 @@ pub struct RunArgs {
     /// The puppet: sim:human, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD], tcp:HOST:PORT
     #[arg(short, long, default_value = "sim:human")]
     pub device: String,
-    /// The character: human, spider, hand, a .armature file, or a mesh or motion file that brings a skeleton
-    #[arg(short, long, default_value = "human")]
-    pub character: String,
+    /// The character: human, spider, hand, a .armature file, or a mesh or motion file that brings a skeleton; without
+    /// it, the one like the simulated puppet, else human
+    #[arg(short, long)]
+    pub character: Option<String>,
     /// How long to run; without it, until Ctrl-C
     #[arg(short, long, value_parser = positive_seconds)]
     pub seconds: Option<f64>,
@@ -171,9 +172,9 @@ pub struct WindowArgs {
     /// Connect to this puppet at once
     #[arg(short, long)]
     pub device: Option<String>,
-    /// Load this character
-    #[arg(short, long, default_value = "human")]
-    pub character: String,
+    /// Load this character; without it, the one like the simulated puppet, else human
+    #[arg(short, long)]
+    pub character: Option<String>,
 }
 
 fn positive_seconds(text: &str) -> Result<f64, String> {

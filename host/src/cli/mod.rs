@@ -87,7 +87,7 @@ pub fn main() -> ExitCode {
 }
 
 fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
-    match command.unwrap_or_else(|| Command::Window(WindowArgs { device: None, character: "human".into() })) {
+    match command.unwrap_or_else(|| Command::Window(WindowArgs::default())) {
         Command::Demo(args) => commands::demo(&args, talk),
         Command::Devices => commands::devices(),
         Command::Inspect(args) => commands::inspect(&args),

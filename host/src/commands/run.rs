@@ -12,6 +12,7 @@ use crate::engine::actor::Actor;
 use crate::engine::live::{Live, parse_address};
 use crate::engine::perform::{self, Plan, Summary};
 use crate::engine::performance::{Performance, ZeroPolicy};
+use crate::engine::recorder::check_take_name;
 use crate::engine::virtual_clock::VirtualPuppet;
 use crate::failure::Failure;
 use crate::files;
@@ -20,8 +21,10 @@ use crate::talk::{Bar, Talk};
 
 /// Drives a character with a puppet, and records.
 pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
+    args.record.as_deref().map_or(Ok(()), check_take_name)?;
+    let character = args.character.as_deref().unwrap_or_else(|| characters::default_for(&args.device));
     let bar = Bar::new(talk, "loading the character");
-    let found = characters::find(&args.character, &mut bar.binding())?;
+    let found = characters::find(character, &mut bar.binding())?;
     bar.finish();
     tell(talk, found.warnings.iter().map(|w| format!("note: {w}")));
     let actor = Arc::new(found.actor);

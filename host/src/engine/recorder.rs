@@ -36,6 +36,18 @@ pub struct RecordedTake {
     pub micros: u64,
 }
 
+/// Says early that a take cannot have this name, before a performance is given for nothing.
+pub fn check_take_name(path: &Path) -> Result<(), Failure> {
+    if path.exists() { Err(exists_already(path)) } else { Ok(()) }
+}
+
+fn exists_already(path: &Path) -> Failure {
+    Failure::usage(
+        format!("{} exists already, and a take is never written over", path.display()),
+        "choose another name, or move the old take away",
+    )
+}
+
 /// Opens a file for a new take; never writes over an old one.
 pub fn create_take(path: &Path) -> Result<BufWriter<std::fs::File>, Failure> {
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
@@ -44,10 +56,7 @@ pub fn create_take(path: &Path) -> Result<BufWriter<std::fs::File>, Failure> {
     }
     match OpenOptions::new().write(true).create_new(true).open(path) {
         Ok(file) => Ok(BufWriter::new(file)),
-        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Err(Failure::usage(
-            format!("{} exists already, and a take is never written over", path.display()),
-            "choose another name, or move the old take away",
-        )),
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Err(exists_already(path)),
         Err(error) => Err(Failure::input(format!("{}: {error}", path.display()), "choose a folder you may write to")),
     }
 }

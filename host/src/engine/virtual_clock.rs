@@ -7,8 +7,7 @@ use armature_device::{Event, Session, SessionCounters, SessionSettings};
 use armature_sim::Puppet;
 
 use super::perform::{Next, Source};
-use super::simulated;
-use crate::engine::simulated::SimulatedArgs;
+use super::simulated::{self, SimulatedArgs};
 use crate::failure::Failure;
 
 /// How far the clock moves at once. A sample is received at most so much later than it was taken.
