@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use crate::cli::args::BenchArgs;
+use crate::engine::latency::percentile;
 use crate::failure::Failure;
 
 mod heat;
@@ -133,12 +134,6 @@ fn median(sorted: &[f64]) -> f64 {
     percentile(sorted, 0.5)
 }
 
-/// The value below which `fraction` of the sorted values lie; NaN without values.
-pub fn percentile(sorted: &[f64], fraction: f64) -> f64 {
-    let last = sorted.len().saturating_sub(1);
-    sorted.get((fraction * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -149,13 +144,5 @@ mod tests {
         let value: serde_json::Value = serde_json::from_str(&measurement.to_json()).unwrap();
         assert_eq!(value["ratio"], 0.5);
         assert_eq!(value["peer"], "other");
-    }
-
-    #[test]
-    fn percentiles_of_sorted_values() {
-        let values: Vec<f64> = (0..=100).map(f64::from).collect();
-        assert_eq!(percentile(&values, 0.99), 99.0);
-        assert_eq!(median(&values), 50.0);
-        assert!(percentile(&[], 0.5).is_nan());
     }
 }

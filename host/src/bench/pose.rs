@@ -9,9 +9,10 @@ use armature_geometry::Influences;
 use armature_rig::Calibration;
 use glam::{Affine3A, Quat, Vec3};
 
-use super::{Measurement, median, percentile, time_runs};
+use super::{Measurement, median, time_runs};
 use crate::characters;
 use crate::cli::args::BenchArgs;
+use crate::engine::latency::percentile;
 use crate::engine::perform::{Next, Source};
 use crate::engine::performance::{Performance, ZeroPolicy};
 use crate::engine::simulated::SimulatedArgs;

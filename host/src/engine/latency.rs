@@ -27,10 +27,7 @@ impl Latencies {
     pub fn summary(&self) -> LatencySummary {
         let mut sorted = self.micros.clone();
         sorted.sort_by(f64::total_cmp);
-        let at = |fraction: f64| {
-            let index = (fraction * sorted.len().saturating_sub(1) as f64).round() as usize;
-            sorted.get(index).copied().unwrap_or(0.0)
-        };
+        let at = |fraction| if sorted.is_empty() { 0.0 } else { percentile(&sorted, fraction) };
         LatencySummary { p50: at(0.5), p99: at(0.99), max: at(1.0) }
     }
 
@@ -39,6 +36,12 @@ impl Latencies {
         let surplus = self.micros.len().saturating_sub(count);
         self.micros.drain(..surplus);
     }
+}
+
+/// The value below which `fraction` of the sorted values lie; NaN without values.
+pub fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    sorted.get((fraction * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
 impl std::fmt::Display for LatencySummary {
@@ -62,5 +65,6 @@ mod tests {
         latencies.keep_newest(1);
         assert!(latencies.summary().max.abs() < 1e-6);
         assert_eq!(Latencies::default().summary(), LatencySummary::default());
+        assert!(percentile(&[], 0.5).is_nan());
     }
 }
