@@ -11,11 +11,12 @@ use crate::cli::args::InspectArgs;
 use crate::failure::Failure;
 use crate::{files, inputs};
 
-/// Says what a file holds and what is wrong with it.
+/// Says what a file holds and what is wrong with it. A damaged take is bad input, although what is left of it is told.
 pub fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let path = args.file.as_path();
+    let mut damage = None;
     let (words, value) = match files::extension_of(path).as_str() {
-        "take" => inspect_take(path)?,
+        "take" => inspect_take(path, &mut damage)?,
         "bvh" => inspect_motion(&inputs::motion(path)?),
         "tgf" => inspect_skeleton(&inputs::skeleton(path)?),
         "armature" => inspect_character(path)?,
@@ -27,7 +28,7 @@ pub fn inspect(args: &InspectArgs) -> Result<(), Failure> {
         println!("{}", path.display());
         words.iter().for_each(|line| println!("  {line}"));
     }
-    Ok(())
+    damage.map_or(Ok(()), Err)
 }
 
 type Findings = (Vec<String>, Value);
@@ -150,7 +151,7 @@ fn inspect_character(path: &Path) -> Result<Findings, Failure> {
     Ok((words, json!({"kind": "character", "name": found.actor.name, "vertices": vertices, "skeleton": skeleton})))
 }
 
-fn inspect_take(path: &Path) -> Result<Findings, Failure> {
+fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, Failure> {
     let (take, report) = crate::takes::read(path)?;
     let summary = armature_take::summarize(&take);
     let header = take.header();
@@ -174,6 +175,11 @@ fn inspect_take(path: &Path) -> Result<Findings, Failure> {
         "not whole: everything below is missing, all else was read".to_string()
     });
     words.extend(report.problems.iter().map(|p| format!("problem: {p}")));
+    if !report.is_whole() {
+        let first = report.problems.first().map_or_else(|| "it has no end".to_string(), ToString::to_string);
+        let remedy = "replay and export work with what is left; record it again if that is not enough";
+        *damage = Some(Failure::input(format!("{} is not whole: {first}", path.display()), remedy));
+    }
     let joints = last_tree(&take).map_or(0, |t| t.parts().iter().filter(|p| !p.kind.axes().is_empty()).count());
     words.push(format!("puppet: {joints} joints; skeleton: {} bones", take.skeleton().map_or(0, Skeleton::len)));
     let value = json!({
