@@ -3,7 +3,9 @@
 use glam::DVec3;
 
 use crate::cotangent_laplacian::DEGENERATE;
-use crate::{MeshError, TriangleMesh, connected_components, edges, vertex_triangles, weld_vertices};
+use crate::{
+    MeshError, TriangleMesh, connected_components, edges, self_intersections, vertex_triangles, weld_vertices,
+};
 
 /// Counts are taken after joining vertices at exactly one place, so that the seams of texture coordinates and the
 /// loose triangles of an STL file do not look like holes.
@@ -31,6 +33,10 @@ pub struct Diagnosis {
     pub inconsistent_edges: usize,
     /// Vertices whose triangles fall into several fans that share only the vertex.
     pub non_manifold_vertices: usize,
+    /// Pairs of triangles that meet elsewhere than in the corners and edges they share.
+    pub self_intersections: usize,
+    /// Whether that is all of them; the search gives up where very many triangles lie on top of each other.
+    pub self_intersections_complete: bool,
     /// `V - E + F` of the joined mesh without isolated vertices: 2 for each closed piece without handles.
     pub euler_characteristic: i64,
     /// Total area, mesh unit squared.
@@ -47,7 +53,7 @@ pub struct Diagnosis {
     pub high: [f64; 3],
 }
 
-/// Counts what is wrong. Self-intersections are not looked for.
+/// Counts what is wrong.
 pub fn diagnose(mesh: &TriangleMesh) -> Result<Diagnosis, MeshError> {
     mesh.validate()?;
     let (low, high) = mesh.bounds().ok_or(MeshError::Empty)?;
@@ -73,6 +79,9 @@ pub fn diagnose(mesh: &TriangleMesh) -> Result<Diagnosis, MeshError> {
         diagnosis.signed_volume += a.dot(b.cross(c)) / 6.0;
     }
     diagnosis.duplicate_triangles = duplicates(&triangles);
+    let meeting = self_intersections(mesh)?;
+    diagnosis.self_intersections = meeting.pairs.len();
+    diagnosis.self_intersections_complete = meeting.complete;
     let edges = edges(&triangles);
     for edge in &edges {
         diagnosis.boundary_edges += usize::from(edge.triangles == 1);
@@ -132,7 +141,8 @@ mod tests {
     #[test]
     fn sound_mesh_has_nothing_to_report() {
         let d = diagnose(&tetrahedron()).unwrap();
-        assert!(d.closed);
+        assert!(d.closed && d.self_intersections_complete);
+        assert_eq!(d.self_intersections, 0);
         assert!((d.signed_volume - 1.0 / 6.0).abs() < 1e-15);
         assert!((d.area - (1.5 + 0.75_f64.sqrt())).abs() < 1e-15);
         assert_eq!((d.components, d.euler_characteristic, d.boundary_edges), (1, 2, 0));

@@ -157,6 +157,68 @@ impl TriangleHierarchy {
     }
 }
 
+/// What other algorithms on the same boxes need to know.
+impl TriangleHierarchy {
+    /// Smallest and largest corner of a node's box.
+    pub(crate) fn bounds_of(&self, node: usize) -> Option<(DVec3, DVec3)> {
+        self.nodes.get(node).map(|n| (n.low, n.high))
+    }
+
+    /// The second child of an inner node, whose first child is the next node; `None` for a leaf.
+    pub(crate) fn second_child(&self, node: usize) -> Option<usize> {
+        self.nodes.get(node).filter(|n| n.count == 0).map(|n| n.first as usize)
+    }
+
+    /// Where the triangles under a node lie in leaf order.
+    pub(crate) fn slots_of(&self, node: usize) -> std::ops::Range<usize> {
+        let (mut left, mut right) = (node, node);
+        while self.second_child(left).is_some() {
+            left += 1;
+        }
+        while let Some(second) = self.second_child(right) {
+            right = second;
+        }
+        match (self.nodes.get(left), self.nodes.get(right)) {
+            (Some(first), Some(last)) => first.first as usize..(last.first + last.count) as usize,
+            _ => 0..0,
+        }
+    }
+
+    /// The triangle of the mesh at a place in leaf order.
+    pub(crate) fn triangle_in(&self, slot: usize) -> u32 {
+        self.triangles[slot]
+    }
+
+    /// Calls `visit` with every triangle whose box overlaps or touches the box around `corners`, until it returns
+    /// `false`.
+    pub(crate) fn visit_overlapping(&self, corners: [[f64; 3]; 3], mut visit: impl FnMut(u32) -> bool) {
+        let around = |[a, b, c]: [DVec3; 3]| (a.min(b).min(c), a.max(b).max(c));
+        let (low, high) = around(corners.map(DVec3::from));
+        let overlaps = |(l, h): (DVec3, DVec3)| l.cmple(high).all() && h.cmpge(low).all();
+        let mut stack = vec![0_usize];
+        while let Some(index) = stack.pop() {
+            let Some(node) = self.nodes.get(index) else { continue };
+            if !overlaps((node.low, node.high)) {
+                continue;
+            }
+            if node.count == 0 {
+                stack.extend([node.first as usize, index + 1]);
+                continue;
+            }
+            for slot in node.first as usize..(node.first + node.count) as usize {
+                if overlaps(around(self.corners[slot])) && !visit(self.triangles[slot]) {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// The corners of the triangle at a place in leaf order.
+    pub(crate) fn corners_in(&self, slot: usize) -> [DVec3; 3] {
+        self.corners[slot]
+    }
+}
+
 #[derive(Clone, Copy)]
 struct Item {
     low: DVec3,

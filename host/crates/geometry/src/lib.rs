@@ -5,28 +5,39 @@
 
 mod cotangent_laplacian;
 mod diagnose;
+mod fast_winding_number;
+mod flipped_components;
 mod hierarchy;
 mod influences;
 mod intrinsic_delaunay;
 mod lumped_mass;
 mod mesh;
 mod normals;
+mod self_intersections;
 mod sparse_matrix;
 mod topology;
+mod turns;
 mod weld;
+mod winding_hierarchy;
+mod winding_number;
 
 pub use cotangent_laplacian::{
     Laplacian, cotangent_laplacian, cotangent_laplacian_of_triangles, cotangent_laplacian_tetrahedra,
 };
 pub use diagnose::{Diagnosis, diagnose};
+pub use fast_winding_number::FastWindingNumber;
+pub use flipped_components::{FlippedComponents, flipped_components};
 pub use hierarchy::{ClosestPoint, SegmentHit, TriangleHierarchy, closest_on_segment};
 pub use influences::{Influences, InfluencesError};
 pub use intrinsic_delaunay::{IntrinsicLaplacian, intrinsic_delaunay_laplacian};
 pub use lumped_mass::{Lumping, lumped_mass, lumped_mass_of_triangles, lumped_mass_tetrahedra};
 pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
 pub use normals::{NormalWeighting, triangle_areas, vertex_normals};
+pub use self_intersections::{SelfIntersections, self_intersections};
 pub use sparse_matrix::{EntryOutOfRange, SparseMatrix};
 pub use topology::{
     Components, Edge, Fans, boundary_edges, connected_components, edges, non_manifold_edges, vertex_triangles,
 };
 pub use weld::{Weld, weld_vertices};
+pub use winding_hierarchy::WindingNumberHierarchy;
+pub use winding_number::{winding_number, winding_number_2d};

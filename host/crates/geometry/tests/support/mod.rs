@@ -26,7 +26,12 @@ pub(crate) fn shared_data(name: &str) -> Option<PathBuf> {
 /// Vertices and triangles of a shared OBJ or OFF file.
 pub(crate) fn shared_triangles(name: &str) -> Option<TriangleMesh> {
     let text = std::fs::read_to_string(shared_data(name)?).unwrap();
-    Some(if name.contains(".off") { read_off(&text) } else { read_obj(&text) })
+    Some(read_triangles(name, &text))
+}
+
+/// Vertices and triangles of the text of an OBJ or OFF file; which one, its name says.
+pub(crate) fn read_triangles(name: &str, text: &str) -> TriangleMesh {
+    if name.contains(".off") { read_off(text) } else { read_obj(text) }
 }
 
 fn read_obj(text: &str) -> TriangleMesh {
