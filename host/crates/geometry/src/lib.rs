@@ -19,6 +19,7 @@ mod topology;
 mod turns;
 mod weld;
 mod winding_hierarchy;
+mod winding_hierarchy_2d;
 mod winding_number;
 
 pub use cotangent_laplacian::{
@@ -40,4 +41,5 @@ pub use topology::{
 };
 pub use weld::{Weld, weld_vertices};
 pub use winding_hierarchy::WindingNumberHierarchy;
+pub use winding_hierarchy_2d::WindingNumberHierarchy2d;
 pub use winding_number::{winding_number, winding_number_2d};

@@ -38,43 +38,48 @@ pub fn winding_number_2d(
     points: &[[f64; 2]],
 ) -> Result<Vec<f64>, MeshError> {
     validate_2d(vertices, segments)?;
-    let blocks: Vec<SegmentBlock> = segments
-        .chunks(LANES)
-        .map(|chunk| {
-            let mut block = SegmentBlock::default();
-            for (l, segment) in chunk.iter().enumerate() {
-                for end in 0..2 {
-                    for axis in 0..2 {
-                        block[end][axis][l] = vertices[segment[end] as usize][axis];
-                    }
+    let blocks = segment_blocks(vertices, segments);
+    let direct = |p: [f64; 2]| {
+        let mut turns = Turns::new();
+        add_segments(&mut turns, &blocks, p);
+        turns.total()
+    };
+    Ok(points.par_iter().map(|&p| answer_without_looking(&p).unwrap_or_else(|| direct(p))).collect())
+}
+
+/// Up to four segments, `[end][axis][lane]`; unused lanes are all zero and see nothing.
+pub(crate) type SegmentBlock = [[[f64; LANES]; 2]; 2];
+
+/// Packs segments in order, four to a block.
+pub(crate) fn segment_blocks(vertices: &[[f64; 2]], segments: &[[u32; 2]]) -> Vec<SegmentBlock> {
+    let pack = |chunk: &[[u32; 2]]| {
+        let mut block = SegmentBlock::default();
+        for (l, segment) in chunk.iter().enumerate() {
+            for end in 0..2 {
+                for axis in 0..2 {
+                    block[end][axis][l] = vertices[segment[end] as usize][axis];
                 }
             }
-            block
-        })
-        .collect();
-    Ok(points.par_iter().map(|&p| direct_2d(&blocks, p)).collect())
-}
-
-/// `[end][axis][lane]`; unused lanes are all zero and see nothing.
-type SegmentBlock = [[[f64; LANES]; 2]; 2];
-
-fn direct_2d(blocks: &[SegmentBlock], p: [f64; 2]) -> f64 {
-    answer_without_looking(&p).unwrap_or_else(|| {
-        let mut turns = Turns::new();
-        for [[ax, ay], [bx, by]] in blocks {
-            let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
-            for l in 0..LANES {
-                let (ax, ay, bx, by) = (ax[l] - p[0], ay[l] - p[1], bx[l] - p[0], by[l] - p[1]);
-                re[l] = ax * bx + ay * by;
-                im[l] = ax * by - ay * bx;
-            }
-            turns.multiply(&re, &im);
         }
-        turns.total()
-    })
+        block
+    };
+    segments.chunks(LANES).map(pack).collect()
 }
 
-fn validate_2d(vertices: &[[f64; 2]], segments: &[[u32; 2]]) -> Result<(), MeshError> {
+/// Adds the angles of segments seen from `p` (thesis eq. 8.3).
+pub(crate) fn add_segments(turns: &mut Turns, blocks: &[SegmentBlock], p: [f64; 2]) {
+    for [[ax, ay], [bx, by]] in blocks {
+        let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+        for l in 0..LANES {
+            let (ax, ay, bx, by) = (ax[l] - p[0], ay[l] - p[1], bx[l] - p[0], by[l] - p[1]);
+            re[l] = ax * bx + ay * by;
+            im[l] = ax * by - ay * bx;
+        }
+        turns.multiply(&re, &im);
+    }
+}
+
+pub(crate) fn validate_2d(vertices: &[[f64; 2]], segments: &[[u32; 2]]) -> Result<(), MeshError> {
     // The checks are those of a mesh whose third coordinate is zero and whose segments name an end twice.
     TriangleMesh {
         vertices: vertices.iter().map(|&[x, y]| [x, y, 0.0]).collect(),

@@ -5,8 +5,8 @@ mod support;
 use std::f64::consts::PI;
 
 use armature_geometry::{
-    FastWindingNumber, MeshError, TriangleMesh, WindingNumberHierarchy, flipped_components, winding_number,
-    winding_number_2d,
+    FastWindingNumber, MeshError, TriangleMesh, WindingNumberHierarchy, WindingNumberHierarchy2d, flipped_components,
+    winding_number, winding_number_2d,
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -205,6 +205,9 @@ fn curves_in_the_plane() {
     for turns in [1.0, -1.0, 0.5, 0.25, -0.7, 2.0, 2.5] {
         let w = winding_number_2d(&arc(turns), &segments, &[[1.0, 0.0], [90.0, 3.0]]).unwrap();
         assert!((w[0] - turns).abs() < 1e-12, "{turns} turns: {}", w[0]);
+        let hierarchy = WindingNumberHierarchy2d::precompute(&arc(turns), &segments).unwrap();
+        let many = hierarchy.evaluate_many(&[[1.0, 0.0], [90.0, 3.0]]);
+        assert!((many[0] - w[0]).abs() < 1e-9 && (many[1] - w[1]).abs() < 1e-9, "{many:?} is not {w:?}");
         assert!(turns.fract() != 0.0 || w[1].abs() < 1e-12, "outside: {}", w[1]);
     }
     let on_corner_and_nowhere = winding_number_2d(&arc(1.0), &segments, &[[3.0, 0.0], [f64::NAN, 0.0]]).unwrap();
@@ -264,6 +267,25 @@ fn components_inside_out_are_found_and_turned() {
 }
 
 proptest! {
+    /// Segments between few places: places with many segments, there and back, segments twice.
+    #[test]
+    fn plane_hierarchy_is_exact(
+        places in prop::collection::vec(prop::array::uniform2(-1.0..1.0_f64), 2..60),
+        ends in prop::collection::vec(prop::array::uniform2(0_u32..1000), 1..400),
+        queries in prop::collection::vec(prop::array::uniform2(-2.0..2.0_f64), 20),
+    ) {
+        let count = places.len() as u32;
+        let scattered: Vec<[u32; 2]> = ends.iter().map(|s| s.map(|v| v % count)).collect();
+        let chain: Vec<[u32; 2]> = (1..count).map(|v| [v - 1, v]).collect();
+        for segments in [scattered, chain] {
+            let direct = winding_number_2d(&places, &segments, &queries).unwrap();
+            let exact = WindingNumberHierarchy2d::precompute(&places, &segments).unwrap().evaluate_many(&queries);
+            for k in 0..queries.len() {
+                prop_assert!((direct[k] - exact[k]).abs() < 1e-9, "{} is not {}", exact[k], direct[k]);
+            }
+        }
+    }
+
     /// Triangles between few vertices: edges with many triangles, both ways round, triangles twice, slivers.
     #[test]
     fn soups_are_no_harder(
