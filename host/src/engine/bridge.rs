@@ -112,3 +112,68 @@ pub fn take_event(event: &device::Event) -> Option<EventKind> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(number: u8, kind: device::PartKind, sensors: u8, outlets: u8, parent: Option<u16>) -> device::Part {
+        device::Part {
+            kind,
+            sensor_count: sensors,
+            outlet: 0,
+            outlet_count: outlets,
+            parent,
+            uid: device::PartUid([number; 12]),
+            counts_per_turn: 4096,
+        }
+    }
+
+    /// A bend, then a part of a later version with two sensors, then a twist.
+    fn bridge() -> Bridge {
+        let parts = vec![
+            part(1, device::PartKind::Bend, 1, 1, None),
+            part(2, device::PartKind::Other(77), 2, 1, Some(0)),
+            part(3, device::PartKind::Twist, 1, 1, Some(1)),
+        ];
+        Bridge::new(&device::Topology::new(5, parts).unwrap()).unwrap()
+    }
+
+    fn sample(epoch: u16) -> device::Sample {
+        device::Sample {
+            device_micros: 7,
+            sequence: 8,
+            epoch,
+            counts: vec![10, 20, 30, 40],
+            states: vec![device::SensorState::Outlier; 4],
+            ..device::Sample::default()
+        }
+    }
+
+    #[test]
+    fn parts_of_a_later_version_hold_the_tree_together_and_move_nothing() {
+        let mut bridge = bridge();
+        assert_eq!(bridge.unknown_parts(), 1);
+        assert_eq!(bridge.tree().sensor_count(), 2);
+        assert_eq!(bridge.tree().parts()[2].parent, Some(1));
+        let raw = bridge.sample(&sample(5)).unwrap();
+        assert_eq!((raw.counts.as_slice(), raw.sequence, raw.device_micros), ([10, 40].as_slice(), 8, 7));
+        assert_eq!(raw.states, [rig::SensorState::Outlier; 2]);
+    }
+
+    #[test]
+    fn samples_of_another_topology_are_left_out() {
+        let mut bridge = bridge();
+        assert!(bridge.latest().is_none());
+        assert!(bridge.sample(&sample(4)).is_none());
+        let short = device::Sample { counts: vec![1, 2, 3], states: vec![device::SensorState::Ok; 3], ..sample(5) };
+        assert!(bridge.sample(&short).is_none());
+    }
+
+    #[test]
+    fn losses_name_the_last_sample_before_them() {
+        let lost = take_event(&device::Event::Lost { count: 3, next_sequence: 10 });
+        assert_eq!(lost, Some(EventKind::LostSamples { count: 3, after_sequence: 6 }));
+        assert_eq!(take_event(&device::Event::Started), None);
+    }
+}

@@ -238,3 +238,76 @@ fn is_part_of(tree: &JointTree, whole: &JointTree) -> bool {
         })
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use armature_rig::{Bone, Part, PartKind, PartUid, Skeleton, Transform};
+    use glam::Vec3;
+
+    use super::*;
+
+    const UID: PartUid = PartUid([3; 12]);
+
+    fn performance(policy: ZeroPolicy, calibration: Calibration) -> Performance {
+        let bone = Bone { name: "arm".into(), parent: None, rest: Transform::IDENTITY, tail: Vec3::Y };
+        let actor = Actor::bare("arm", "arm", Skeleton::new(vec![bone]).unwrap());
+        let mut performance = Performance::new(Arc::new(actor), None, calibration, policy).unwrap();
+        let part = Part { uid: UID, kind: PartKind::Bend, parent: None, outlet: 0, counts_per_turn: 4096 };
+        performance.set_topology(1, JointTree::new(vec![part]).unwrap());
+        performance
+    }
+
+    fn sample(counts: u16, state: SensorState) -> RawSample {
+        RawSample { epoch: 1, counts: vec![counts], states: vec![state], ..RawSample::default() }
+    }
+
+    fn angle(performance: &Performance) -> f32 {
+        performance.pose().parent_from_bone[0].rotation.to_axis_angle().1
+    }
+
+    #[test]
+    fn the_first_good_sample_is_the_rest_pose() {
+        let mut performance = performance(ZeroPolicy::WhenUnknown, Calibration::default());
+        let early = performance.perform(&sample(9, SensorState::NoData)).unwrap();
+        assert_eq!(early, Step::Posed { zeroed: None });
+        assert!(performance.waits_for_zero());
+        let Step::Posed { zeroed: Some(report) } = performance.perform(&sample(1000, SensorState::Ok)).unwrap() else {
+            panic!("the first good sample is taken as zero")
+        };
+        assert_eq!(report.zeroed, 1);
+        assert!(angle(&performance).abs() < 1e-6);
+        performance.perform(&sample(1000 + 1024, SensorState::Ok)).unwrap();
+        assert!((angle(&performance) - std::f32::consts::FRAC_PI_2).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_calibrated_joint_is_not_zeroed_again_unless_asked() {
+        let mut first = performance(ZeroPolicy::WhenUnknown, Calibration::default());
+        first.perform(&sample(1000, SensorState::Ok)).unwrap();
+        let known = first.calibration().clone();
+        let mut second = performance(ZeroPolicy::WhenUnknown, known.clone());
+        assert!(!second.waits_for_zero());
+        second.perform(&sample(2024, SensorState::Ok)).unwrap();
+        assert!(angle(&second) > 1.5);
+        second.request_zero();
+        second.perform(&sample(2024, SensorState::Ok)).unwrap();
+        assert!(angle(&second).abs() < 1e-6);
+        assert!(performance(ZeroPolicy::AtStart, known).waits_for_zero());
+    }
+
+    #[test]
+    fn a_sensor_that_never_answers_does_not_hold_up_the_others_for_ever() {
+        let mut performance = performance(ZeroPolicy::AtStart, Calibration::default());
+        for _ in 0..=PATIENCE_SAMPLES {
+            performance.perform(&sample(0, SensorState::NoData)).unwrap();
+        }
+        assert!(!performance.waits_for_zero());
+    }
+
+    #[test]
+    fn samples_of_another_topology_are_ignored() {
+        let mut performance = performance(ZeroPolicy::OnRequest, Calibration::default());
+        let other = RawSample { epoch: 2, ..sample(0, SensorState::Ok) };
+        assert_eq!(performance.perform(&other).unwrap(), Step::Ignored);
+    }
+}
