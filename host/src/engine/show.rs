@@ -189,10 +189,15 @@ impl Show {
     /// Puts the character on a fresh stage with the calibration that belongs to the puppet.
     fn take_calibration(&mut self) -> Result<(), Failure> {
         let Some(actor) = self.stage.as_ref().map(|s| s.performance().actor().clone()) else { return Ok(()) };
-        let file = self.live.as_ref().and_then(|c| c.calibration_file.clone());
-        let calibration = file.as_deref().map(settings::read_calibration).transpose()?.unwrap_or_default();
-        self.stage = Some(Stage::new(Performance::new(actor, None, calibration, ZeroPolicy::WhenUnknown)?));
+        let performance = Performance::new(actor, None, self.kept_calibration()?, ZeroPolicy::WhenUnknown)?;
+        self.stage = Some(Stage::new(performance));
         Ok(())
+    }
+
+    /// The calibration that is kept for the connected puppet; empty for a simulated one.
+    fn kept_calibration(&self) -> Result<Calibration, Failure> {
+        let file = self.live.as_ref().and_then(|c| c.calibration_file.as_deref());
+        Ok(file.map(settings::read_calibration).transpose()?.unwrap_or_default())
     }
 
     fn disconnect(&mut self, why: Option<Problem>) -> Result<(), Failure> {
@@ -269,8 +274,10 @@ impl Show {
     }
 
     fn enter(&mut self, actor: &Arc<Actor>) -> Result<(), Failure> {
-        let calibration =
-            self.stage.as_ref().map_or_else(Calibration::default, |s| s.performance().calibration().clone());
+        let calibration = match &self.stage {
+            Some(stage) => stage.performance().calibration().clone(),
+            None => self.kept_calibration()?,
+        };
         let performance = Performance::new(actor.clone(), None, calibration, ZeroPolicy::WhenUnknown)?;
         self.link.send(EngineEvent::CharacterLoaded(Arc::new(frames::view_of(actor))));
         match &mut self.stage {
