@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use armature_geometry::{Diagnosis, diagnose};
+use armature_geometry::{Diagnosis, diagnose, flipped_components};
 use armature_rig::{Motion, Skeleton};
 use armature_take::Take;
 use serde_json::{Value, json};
@@ -44,6 +44,11 @@ fn inspect_model(path: &Path) -> Result<Findings, Failure> {
         let (count, inner) = (tetrahedra.tetrahedra.len(), diagnosis.isolated_vertices);
         words.push(format!("volume mesh: {count} tetrahedra, {inner} vertices inside"));
     }
+    let turned = flipped_components(&model.mesh).map_err(unusable)?;
+    if !turned.flipped.is_empty() {
+        let (flipped, all) = (turned.flipped.len(), diagnosis.components);
+        words.push(format!("{flipped} of {all} components are inside out, by their winding number"));
+    }
     match &model.rig {
         Some(rig) => words.push(format!(
             "brings a rig: {} bones, {} influences a vertex; bind keeps it unless told --replace-rig",
@@ -59,7 +64,7 @@ fn inspect_model(path: &Path) -> Result<Findings, Failure> {
     }
     words.extend(model.warnings.iter().map(|w| format!("note: {w}")));
     let value = json!({
-        "kind": "mesh", "diagnosis": diagnosis_json(&diagnosis),
+        "kind": "mesh", "flipped_components": turned.flipped.len(), "diagnosis": diagnosis_json(&diagnosis),
         "tetrahedra": model.tetrahedra.as_ref().map(|t| t.tetrahedra.len()),
         "bones": model.rig.as_ref().map(|r| r.skeleton.len()),
         "clips": model.motions.iter().map(|(name, m)| json!({"name": name, "frames": m.frames.len()})).collect::<Vec<_>>(),
@@ -80,11 +85,17 @@ fn mesh_words(d: &Diagnosis, is_volume: bool) -> Vec<String> {
         ),
         format!("size {}, area {:.5}", size.join(" × "), d.area),
     ];
+    let cutting = if d.self_intersections_complete {
+        "pairs of triangles cut each other"
+    } else {
+        "and more: the search was given up"
+    };
     let counts = [
         (d.boundary_edges, "boundary edge", "the surface is open"),
         (d.non_manifold_edges, "non-manifold edge", "more than two triangles meet there"),
         (d.non_manifold_vertices, "non-manifold vertice", "separate fans of triangles touch in a point"),
         (d.inconsistent_edges, "inconsistently oriented edge", "some triangles are inside out"),
+        (d.self_intersections, "self-intersection", cutting),
         (d.degenerate_triangles, "degenerate triangle", "without area"),
         (d.duplicate_triangles, "duplicate triangle", ""),
         (d.duplicate_vertices, "duplicate vertice", "seams of textures, or a soup of triangles"),
@@ -102,7 +113,7 @@ fn mesh_words(d: &Diagnosis, is_volume: bool) -> Vec<String> {
     } else {
         "not a closed surface; bone heat weights work on it all the same".to_string()
     };
-    words.push(format!("verdict: {verdict} (self-intersections are not looked for yet)"));
+    words.push(format!("verdict: {verdict}"));
     words
 }
 
@@ -117,6 +128,7 @@ fn diagnosis_json(d: &Diagnosis) -> Value {
         "degenerate_triangles": d.degenerate_triangles, "duplicate_triangles": d.duplicate_triangles,
         "boundary_edges": d.boundary_edges, "non_manifold_edges": d.non_manifold_edges,
         "inconsistent_edges": d.inconsistent_edges, "non_manifold_vertices": d.non_manifold_vertices,
+        "self_intersections": d.self_intersections, "self_intersections_complete": d.self_intersections_complete,
         "euler_characteristic": d.euler_characteristic, "area": d.area, "signed_volume": d.signed_volume,
         "closed": d.closed, "low": d.low, "high": d.high,
     })
