@@ -1,0 +1,306 @@
+//! What scripts rely on: exit codes, files where they were asked for, output that can be parsed, errors that help.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
+mod common;
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+
+use armature_character::{Character, Provenance};
+use armature_formats::{GlbMesh, GlbScene, write_glb};
+use armature_geometry::Influences;
+use common::{Place, SMALL_BVH, TUBE_TGF, shared, tube_obj};
+use firmware_protocol::{FrameBuffer, Hello, PROTOCOL_MAJOR, PartUid};
+use serde_json::Value;
+
+#[test]
+fn wrong_usage_is_2() {
+    let place = Place::new("usage");
+    let help = place.done(&["--help"]);
+    for word in ["demo", "inspect", "bind", "replay", "export", "bench", "Exit codes", "4 device trouble"] {
+        assert!(help.out.contains(word), "{word}: {}", help.out);
+    }
+    assert!(place.done(&["--version"]).out.starts_with("armature "));
+    for subcommand in ["demo", "devices", "inspect", "bind", "run", "replay", "export", "bench", "sim", "window"] {
+        assert!(place.done(&[subcommand, "--help"]).out.contains("Usage"), "{subcommand}");
+    }
+    let virtually = ["run", "--virtual-clock", "--seconds", "0.1"];
+    for (culprit, arguments) in [
+        ("dance", vec!["dance"]),
+        ("--loud", vec!["--loud"]),
+        ("<FILE>", vec!["inspect"]),
+        ("-3", vec!["run", "--seconds=-3"]),
+        ("nan", vec!["run", "--seconds", "nan"]),
+        ("0", vec!["run", "--rate", "0"]),
+        ("99", vec!["bind", "mesh.obj", "--influences", "99"]),
+        ("usb:7", [&virtually[..], &["--device", "usb:7"]].concat()),
+        ("horse", [&virtually[..], &["--device", "sim:horse"]].concat()),
+        ("horse", [&virtually[..], &["--character", "horse"]].concat()),
+        ("--virtual-clock", vec!["run", "--virtual-clock", "--device", "tcp:localhost:1", "--seconds", "1"]),
+        ("--virtual-clock", vec!["run", "--virtual-clock"]),
+        ("tango", [&virtually[..], &["--motion", "tango"]].concat()),
+        ("tail", [&virtually[..], &["--pull", "tail@1"]].concat()),
+        ("soon", [&virtually[..], &["--burst", "soon"]].concat()),
+        ("nothing/like/this", vec!["bench", "nothing/like/this"]),
+        ("fbx", vec!["export", "a.take", "--to", "a.fbx"]),
+    ] {
+        place.fails(2, culprit, &arguments);
+    }
+}
+
+#[test]
+fn a_take_is_never_written_over() {
+    let place = Place::new("never-over");
+    let run = ["run", "--device", "sim:hand", "--character", "hand", "--virtual-clock", "--seconds", "0.2"];
+    let record = [&run[..], &["--record", "hand.take"]].concat();
+    place.done(&record);
+    let before = place.read("hand.take");
+    place.fails(2, "hand.take", &record);
+    assert!(place.read("hand.take") == before, "the old take is as it was");
+    let replayed = place.done(&["replay", "hand.take"]);
+    assert!(replayed.out.contains("all the same to the last bit"), "{replayed:?}");
+    // The same command gives the same bytes.
+    place.done(&[&run[..], &["--record", "again.take"]].concat());
+    assert!(place.read("again.take") == before);
+}
+
+/// A device on a TCP port that does one thing to whoever connects, until that one goes.
+fn serve(act: impl Fn(&mut TcpStream) -> std::io::Result<()> + Send + 'static) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp:{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            // The end of the connection is the end of the act.
+            let _ = act(&mut stream);
+        }
+    });
+    address
+}
+
+fn silent(stream: &mut TcpStream) -> std::io::Result<()> {
+    let mut heard = [0; 1024];
+    while stream.read(&mut heard)? > 0 {}
+    Ok(())
+}
+
+fn garbage(stream: &mut TcpStream) -> std::io::Result<()> {
+    let mut state = 1_u32;
+    loop {
+        let noise: Vec<u8> = (0..500)
+            .map(|_| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (state >> 24) as u8
+            })
+            .collect();
+        stream.write_all(&noise)?;
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+}
+
+/// A device of the future: it says hello whenever it hears something.
+fn other_major(stream: &mut TcpStream) -> std::io::Result<()> {
+    let hello = Hello {
+        protocol_major: PROTOCOL_MAJOR + 1,
+        protocol_minor: 0,
+        features: 0,
+        firmware: [9, 0, 0],
+        uid: PartUid([7; 12]),
+        max_rate_millihertz: 100_000,
+        name: "A puppet of the future",
+    };
+    let mut wire = FrameBuffer::new();
+    let mut heard = [0; 1024];
+    while stream.read(&mut heard)? > 0 {
+        stream.write_all(wire.encode(&hello).expect("a hello fits a frame"))?;
+    }
+    Ok(())
+}
+
+fn hang_up(stream: &mut TcpStream) -> std::io::Result<()> {
+    stream.shutdown(std::net::Shutdown::Both)
+}
+
+#[test]
+fn device_trouble_is_4_and_has_a_name() {
+    let place = Place::new("device-trouble");
+    let vacant = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let cases = [
+        ("there is no port", "serial:/dev/no-such-port".to_string()),
+        ("no-such-port", "serial:no-such-port@115200".to_string()),
+        ("cannot be reached", format!("tcp:{vacant}")),
+        ("has sent nothing", serve(silent)),
+        ("none of them made sense", serve(garbage)),
+        ("speaks protocol", serve(other_major)),
+        ("is gone", serve(hang_up)),
+    ];
+    for (words, device) in cases {
+        let arguments = ["run", "--device", &device, "--character", "hand", "--seconds", "1", "--record", "no.take"];
+        let ran = place.fails(4, words, &arguments);
+        println!("{device}: {}", ran.err.trim());
+        assert!(!place.path("no.take").exists(), "no take of a performance that never was");
+    }
+    // A file is not a serial port.
+    place.write("port.txt", "not a port");
+    place.fails(4, "port.txt", &["run", "--device", "serial:port.txt", "--character", "hand", "--seconds", "1"]);
+}
+
+#[test]
+fn the_demo_goes_the_whole_way() {
+    let place = Place::new("demo");
+    let ran = place.done(&["demo", "--seconds", "1", "--output", "here"]);
+    for word in ["puppet", "stream", "losses", "latency", "p99", "take", "replay", "export", "picture"] {
+        assert!(ran.out.contains(word), "{word}: {}", ran.out);
+    }
+    assert!(ran.out.contains("0 samples lost, 0 frames with a wrong checksum"), "{}", ran.out);
+    for (name, magic) in [
+        ("demo.take", &b"\x8aTAKE"[..]),
+        ("demo.glb", &b"glTF"[..]),
+        ("demo.bvh", &b"HIERARCHY"[..]),
+        ("demo.png", &b"\x89PNG"[..]),
+    ] {
+        assert!(place.read(&format!("here/{name}")).starts_with(magic), "{name}");
+    }
+    let inspected = place.done(&["inspect", "here/demo.take", "--json"]);
+    let value: Value = serde_json::from_str(&inspected.out).unwrap();
+    assert_eq!((&value["whole"], &value["lost_samples"]), (&Value::Bool(true), &0.into()));
+    assert!(value["samples"].as_u64().unwrap() >= 190, "{value}");
+    // Quiet means quiet, and an own earlier take is replaced.
+    let quiet = place.done(&["demo", "--seconds", "0.2", "--output", "here", "--quiet"]);
+    assert_eq!(quiet.out, "");
+}
+
+#[test]
+fn benchmarks_have_names_and_lines_that_parse() {
+    let place = Place::new("bench");
+    let list = place.done(&["bench", "--list"]);
+    let names: Vec<&str> = list.out.lines().collect();
+    assert!(names.contains(&"protocol/decode"), "{names:?}");
+    assert!(names.iter().all(|name| name.contains('/') && !name.contains(' ')), "{names:?}");
+    let ran = place.done(&["bench", "protocol", "--json"]);
+    let lines: Vec<Value> = ran.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let measured: Vec<&str> = lines.iter().map(|line| line["name"].as_str().unwrap()).collect();
+    let expected: Vec<&str> = names.iter().copied().filter(|name| name.contains("protocol")).collect();
+    assert_eq!(measured, expected);
+    for line in &lines {
+        assert!(line["value"].as_f64().is_some_and(|v| v.is_finite() && v > 0.0), "{line}");
+        assert!(line["unit"].is_string() && line["runs"].as_u64() >= Some(1), "{line}");
+    }
+}
+
+#[test]
+fn inspect_gives_one_json_object() {
+    let place = Place::new("inspect");
+    place.write("tube.obj", tube_obj());
+    place.write("bones.tgf", TUBE_TGF);
+    place.write("walk.bvh", SMALL_BVH);
+    place.done(&["bind", "tube.obj", "--skeleton", "bones.tgf", "--output", "tube.armature"]);
+    let run = ["run", "--device", "sim:walk.bvh", "--character", "walk.bvh", "--virtual-clock", "--seconds", "0.5"];
+    place.done(&[&run[..], &["--record", "walk.take"]].concat());
+    for (file, kind) in [
+        ("tube.obj", "mesh"),
+        ("bones.tgf", "skeleton"),
+        ("walk.bvh", "motion"),
+        ("tube.armature", "character"),
+        ("walk.take", "take"),
+    ] {
+        let ran = place.done(&["inspect", file, "--json"]);
+        let value: Value = serde_json::from_str(&ran.out).unwrap_or_else(|e| panic!("{file}: {e}: {}", ran.out));
+        assert_eq!(value["kind"], kind, "{value}");
+        assert!(place.done(&["inspect", file]).out.starts_with(file));
+    }
+    let value: Value = serde_json::from_str(&place.done(&["inspect", "tube.obj", "--json"]).out).unwrap();
+    assert_eq!(value["diagnosis"]["closed"], true, "{value}");
+    assert_eq!(value["diagnosis"]["vertices"], 206, "{value}");
+}
+
+fn character(place: &Place, name: &str) -> Character {
+    armature_character::from_bytes(&place.read(name)).unwrap()
+}
+
+#[test]
+fn binding_again_comes_from_the_cache() {
+    let place = Place::new("bind");
+    place.write("tube.obj", tube_obj());
+    place.write("bones.tgf", TUBE_TGF);
+    let bind = |output: &str, more: &[&str]| {
+        place.done(&[&["bind", "tube.obj", "--skeleton", "bones.tgf", "--output", output][..], more].concat())
+    };
+    let first = bind("first.armature", &[]);
+    assert!(first.out.contains("bone heat weights") && !first.out.contains("cache"), "{first:?}");
+    assert!(place.path("armature/characters").is_dir(), "the cache is where XDG_CACHE_HOME says");
+    let second = bind("second.armature", &[]);
+    assert!(second.out.contains("(from the cache)"), "{second:?}");
+    let third = bind("third.armature", &["--no-cache"]);
+    assert!(!third.out.contains("cache"), "{third:?}");
+    assert!(place.read("first.armature") == place.read("second.armature"));
+    assert!(place.read("first.armature") == place.read("third.armature"), "and binding is the same every time");
+    // Other settings are other work, and a damaged entry is as good as none.
+    assert!(!bind("fourth.armature", &["--influences", "1"]).out.contains("cache"));
+    for entry in std::fs::read_dir(place.path("armature/characters")).unwrap() {
+        std::fs::write(entry.unwrap().path(), "rubbish").unwrap();
+    }
+    assert!(!bind("fifth.armature", &[]).out.contains("cache"));
+    assert!(place.read("first.armature") == place.read("fifth.armature"));
+    // The weights do what heat does: the lower end follows the lower bone.
+    let tube = character(&place, "first.armature");
+    assert!(matches!(tube.provenance, Provenance::BoneHeat(_)));
+    for (vertex, point) in tube.mesh.vertices.iter().enumerate() {
+        let (bone, weight) = tube.influences.of_vertex(vertex).next().unwrap();
+        assert!((point[1] - 1.0).abs() < 0.3 || (usize::from(bone) == usize::from(point[1] > 1.0) && weight > 0.6));
+    }
+    place.fails(3, "tube.obj", &["bind", "tube.obj"]);
+    place.fails(3, "none.tgf", &["bind", "tube.obj", "--skeleton", "none.tgf"]);
+}
+
+#[test]
+fn a_rig_that_comes_with_the_model_is_kept() {
+    let place = Place::new("rigged");
+    place.write("tube.obj", tube_obj());
+    place.write("bones.tgf", TUBE_TGF);
+    place.done(&["bind", "tube.obj", "--skeleton", "bones.tgf", "--output", "heat.armature"]);
+    let heat = character(&place, "heat.armature");
+    // Weights that no method would give: an artist's.
+    let count = heat.mesh.vertices.len();
+    let weights = (0..count).flat_map(|v| if v % 3 == 0 { [0.75, 0.25] } else { [0.625, 0.375] }).collect();
+    let bones = (0..count).flat_map(|v| if v % 2 == 0 { [0, 1] } else { [1, 0] }).collect();
+    let painted = Influences::new(2, bones, weights, heat.skeleton.len()).unwrap();
+    let mesh = GlbMesh {
+        mesh: &heat.mesh,
+        split: None,
+        normals: Some(&heat.normals),
+        texture_coordinates: None,
+        influences: Some(&painted),
+        base_color: Some([0.5, 0.25, 0.125, 1.0]),
+        texture: None,
+    };
+    let scene = GlbScene { name: "tube", skeleton: &heat.skeleton, mesh: Some(mesh), clips: Vec::new() };
+    place.write("painted.glb", write_glb(&scene).unwrap());
+
+    let kept = place.done(&["bind", "painted.glb", "--output", "kept.armature"]);
+    assert!(kept.out.contains("weights of the artist"), "{kept:?}");
+    let kept = character(&place, "kept.armature");
+    assert_eq!(kept.provenance, Provenance::Artist);
+    assert_eq!(kept.mesh.vertices.len(), count);
+    // The file may number the vertices otherwise; their places tell which is which.
+    let bits = |points: Vec<[f32; 3]>| points.into_iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
+    let painted_at = bits(heat.rest_positions());
+    for (vertex, place) in bits(kept.rest_positions()).iter().enumerate() {
+        let painted_vertex = painted_at.iter().position(|p| p == place).unwrap();
+        let (kept, painted) = (kept.influences.of_vertex(vertex), painted.of_vertex(painted_vertex));
+        assert!(kept.eq(painted), "vertex {vertex}, painted as {painted_vertex}");
+    }
+    let replaced = place.done(&["bind", "painted.glb", "--replace-rig", "--output", "replaced.armature"]);
+    assert!(replaced.out.contains("bone heat weights"), "{replaced:?}");
+    assert_ne!(character(&place, "replaced.armature").influences, painted);
+}
+
+#[test]
+fn the_fox_keeps_its_rig() {
+    let Some(fox) = shared("Fox.glb") else { return };
+    let place = Place::new("fox");
+    let ran = place.done(&["bind", fox.to_str().unwrap(), "--output", "fox.armature"]);
+    assert!(ran.out.contains("weights of the artist") && ran.out.contains("24 bones"), "{ran:?}");
+    let fox = character(&place, "fox.armature");
+    assert!(fox.texture.is_some() && fox.texture_coordinates.is_some());
+}
