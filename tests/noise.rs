@@ -20,7 +20,7 @@ use tapped::Tapped;
 const RATE: f64 = 100.0;
 const SEED: u64 = 5;
 
-fn human(options: Options, samples: u32) -> Run {
+fn human(options: &Options, samples: u32) -> Run {
     perform(options.puppet().unwrap(), &bones_of("human"), &Setup::samples(samples, RATE))
 }
 
@@ -122,7 +122,7 @@ fn assert_same_poses(disturbed: &Take, calm: &Take, counts: impl Fn(&str) -> boo
 
 #[test]
 fn a_second_of_noise_is_survived_and_counted() {
-    let noisy = human(Options { burst: vec!["1.5:1".into()], ..options("human", SEED) }, 400);
+    let noisy = human(&Options { burst: vec!["1.5:1".into()], ..options("human", SEED) }, 400);
     assert!(noisy.truth.noise_bytes > 50_000 && noisy.truth.samples_damaged >= 100, "{:?}", noisy.truth);
     assert_accounts_agree(&noisy);
     let counters = noisy.summary.counters;
@@ -138,7 +138,7 @@ fn a_second_of_noise_is_survived_and_counted() {
         "a second of noise: {} bytes, {} samples lost, {} wrong checksums, {} bytes discarded",
         noisy.truth.noise_bytes, summary.lost_samples, summary.crc_errors, summary.discarded_bytes
     );
-    let calm = human(options("human", SEED), 400);
+    let calm = human(&options("human", SEED), 400);
     assert_eq!(summarize(&calm.take).lost_samples, 0);
     let compared = assert_same_poses(&noisy.take, &calm.take, |_| true);
     assert_eq!(compared, noisy.take.samples().count());
@@ -146,10 +146,10 @@ fn a_second_of_noise_is_survived_and_counted() {
 
 #[test]
 fn flipped_and_dropped_bytes_cost_their_frames_and_no_more() {
-    let calm = human(options("human", SEED), 600);
+    let calm = human(&options("human", SEED), 600);
     for (flip, drop, duplicate) in [(1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3), (1e-3, 1e-3, 1e-3)] {
         let options = Options { flip, drop, duplicate, ..options("human", SEED) };
-        let run = human(options, 600);
+        let run = human(&options, 600);
         let truth = run.truth;
         assert!(truth.samples_damaged > 20, "{truth:?}");
         assert_accounts_agree(&run);
@@ -192,8 +192,8 @@ fn wrong_checksums_are_counted_to_the_last_one() {
 
 #[test]
 fn a_restart_is_survived_and_told() {
-    let calm = human(options("human", SEED), 300);
-    let run = human(Options { restart: vec![1.7], ..options("human", SEED) }, 300);
+    let calm = human(&options("human", SEED), 300);
+    let run = human(&Options { restart: vec![1.7], ..options("human", SEED) }, 300);
     let (counters, truth) = (run.summary.counters, run.truth);
     assert_eq!((truth.restarts, counters.restarts, counters.connections), (1, 1, 2));
     let summary = summarize(&run.take);
@@ -224,8 +224,8 @@ fn subtree(body: &Body, label: &str) -> BTreeSet<[u8; 12]> {
 
 #[test]
 fn an_unplugged_arm_leaves_the_other_bones_alone() {
-    let calm = human(options("human", SEED), 400);
-    let run = human(Options { pull: vec!["left_shoulder@1.5:1".into()], ..options("human", SEED) }, 400);
+    let calm = human(&options("human", SEED), 400);
+    let run = human(&Options { pull: vec!["left_shoulder@1.5:1".into()], ..options("human", SEED) }, 400);
     let (counters, truth) = (run.summary.counters, run.truth);
     assert_eq!(truth.topology_changes, 2);
     assert_eq!(counters.samples, truth.samples_taken, "samples wait for their topology; none is lost");
