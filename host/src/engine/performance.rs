@@ -6,7 +6,8 @@
 use std::sync::Arc;
 
 use armature_rig::{
-    BoneStatus, Calibration, JointTree, Mapping, Pose, RawSample, SensorState, SolveError, StreamSolver, ZeroReport,
+    BoneStatus, Calibration, JointTree, Mapping, Pose, RawSample, SensorCalibration, SensorState, SolveError,
+    StreamSolver, ZeroReport,
 };
 use glam::Affine3A;
 
@@ -22,6 +23,15 @@ pub enum ZeroPolicy {
     WhenUnknown,
     /// Only when asked.
     OnRequest,
+}
+
+/// What the next good sample is to zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum ZeroWish {
+    Nothing,
+    /// Parts that were plugged in just now and never zeroed; the others may be in the middle of a motion.
+    NewParts,
+    Everything,
 }
 
 /// After so many samples a sensor that still has no good reading no longer holds up the zeroing of the others.
@@ -48,7 +58,7 @@ pub struct Performance {
     /// The last proposal and the puppet it was made for.
     proposed: Option<(JointTree, Mapping)>,
     zero_policy: ZeroPolicy,
-    zero_wanted: bool,
+    zero_wish: ZeroWish,
     waited_samples: u32,
     solver: StreamSolver,
     model_from_bone: Vec<Affine3A>,
@@ -76,7 +86,7 @@ impl Performance {
             chosen_mapping: mapping,
             proposed: None,
             zero_policy,
-            zero_wanted: false,
+            zero_wish: ZeroWish::Nothing,
             waited_samples: 0,
             solver,
             model_from_bone,
@@ -97,11 +107,13 @@ impl Performance {
             sensors.len() != part.kind.axes().len() || sensors.iter().any(|s| s.zero_counts.is_none())
         });
         let first = self.solver.topology().is_none();
-        self.zero_wanted |= match self.zero_policy {
-            ZeroPolicy::AtStart => first || unknown,
-            ZeroPolicy::WhenUnknown => unknown,
-            ZeroPolicy::OnRequest => false,
+        let wish = match self.zero_policy {
+            ZeroPolicy::AtStart if first => ZeroWish::Everything,
+            ZeroPolicy::WhenUnknown if first && unknown => ZeroWish::Everything,
+            ZeroPolicy::AtStart | ZeroPolicy::WhenUnknown if unknown => ZeroWish::NewParts,
+            _ => ZeroWish::Nothing,
         };
+        self.zero_wish = self.zero_wish.max(wish);
         self.waited_samples = 0;
         calibration.add_missing(&tree);
         self.solver.set_calibration(calibration);
@@ -122,13 +134,13 @@ impl Performance {
 
     /// The next good sample becomes the rest pose.
     pub fn request_zero(&mut self) {
-        self.zero_wanted = true;
+        self.zero_wish = ZeroWish::Everything;
         self.waited_samples = 0;
     }
 
     /// Whether the rest pose is still to be taken.
     pub fn waits_for_zero(&self) -> bool {
-        self.zero_wanted
+        self.zero_wish != ZeroWish::Nothing
     }
 
     /// Forgets what sensors said before, so that a take that begins now can be solved from its own samples alone.
@@ -171,18 +183,28 @@ impl Performance {
     }
 
     fn zero_if_wanted(&mut self, sample: &RawSample) -> Result<Option<ZeroReport>, Failure> {
-        let Some((_, tree)) = self.solver.topology().filter(|_| self.zero_wanted) else { return Ok(None) };
+        let Some((_, tree)) = self.solver.topology().filter(|_| self.waits_for_zero()) else { return Ok(None) };
         let all_good = sample.states.iter().all(|s| *s == SensorState::Ok);
         if !all_good && self.waited_samples < PATIENCE_SAMPLES {
             self.waited_samples += 1;
             return Ok(None);
         }
-        let mut calibration = self.solver.calibration().clone();
-        let report = calibration
+        let before = self.solver.calibration().clone();
+        let mut calibration = before.clone();
+        let mut report = calibration
             .zero(tree, sample)
             .map_err(|e| Failure::input(e.to_string(), "remove the part's entry from the calibration file"))?;
+        if self.zero_wish == ZeroWish::NewParts {
+            let is_known = |sensors: &[SensorCalibration]| sensors.iter().all(|s| s.zero_counts.is_some());
+            for (uid, sensors) in before.parts().filter(|(uid, s)| tree.find(*uid).is_some() && is_known(s)) {
+                let skipped = report.skipped.len();
+                report.skipped.retain(|s| s.part != uid);
+                report.zeroed -= sensors.len() - (skipped - report.skipped.len());
+                calibration.set_part(uid, sensors.to_vec());
+            }
+        }
         self.solver.set_calibration(calibration);
-        self.zero_wanted = false;
+        self.zero_wish = ZeroWish::Nothing;
         Ok(Some(report))
     }
 
