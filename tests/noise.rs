@@ -271,3 +271,26 @@ fn an_unplugged_arm_leaves_the_other_bones_alone() {
         }
     }
 }
+
+/// What is plugged in later is zeroed as it comes; everything else keeps the zero it has.
+#[test]
+fn a_part_plugged_in_later_does_not_zero_the_others() {
+    let calm = human(&options("human", SEED), 400);
+    let run = human(&Options { pull: vec!["left_wrist@0:1.5".into()], ..options("human", SEED) }, 400);
+    let zero = |run: &Run| {
+        let mut calibrations = run.take.records().iter().rev().filter_map(|r| match r {
+            Record::Calibration(calibration) => Some(calibration.clone()),
+            _ => None,
+        });
+        calibrations.next().unwrap()
+    };
+    let body = Body::preset("human", SEED).unwrap();
+    let late = subtree(&body, "left_wrist");
+    let (late_run, calm) = (zero(&run), zero(&calm));
+    for (uid, sensors) in calm.parts() {
+        let found = late_run.part(uid).unwrap();
+        assert!(found.iter().all(|sensor| sensor.zero_counts.is_some()), "{uid:?} is zeroed");
+        assert!(late.contains(&uid.0) || found == sensors, "{uid:?}: {found:?}, {sensors:?}");
+    }
+    assert_take_tells_all(&run);
+}

@@ -283,7 +283,8 @@ fn a_rig_that_comes_with_the_model_is_kept() {
     assert_eq!(kept.provenance, Provenance::Artist);
     assert_eq!(kept.mesh.vertices.len(), count);
     // The file may number the vertices otherwise; their places tell which is which.
-    let bits = |points: Vec<[f32; 3]>| points.into_iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
+    // Plus zero, so that -0 and 0 are one place.
+    let bits = |points: Vec<[f32; 3]>| points.into_iter().map(|p| p.map(|c| (c + 0.0).to_bits())).collect::<Vec<_>>();
     let painted_at = bits(heat.rest_positions());
     for (vertex, place) in bits(kept.rest_positions()).iter().enumerate() {
         let painted_vertex = painted_at.iter().position(|p| p == place).unwrap();
