@@ -14,7 +14,8 @@ use glam::Affine3A;
 use super::actor::Actor;
 use crate::failure::Failure;
 
-/// When the rest pose is taken.
+/// When the rest pose is taken. A part that is plugged in later and was never zeroed is zeroed by itself, unless the
+/// policy is [`OnRequest`](Self::OnRequest).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ZeroPolicy {
     /// From the first good sample, whatever is known already.
