@@ -61,11 +61,12 @@ fn spiral(i: f32) -> [f32; 3] {
     [radius * angle.cos(), height, radius * angle.sin()]
 }
 
+/// The human made anew, not from the cache.
 fn character() -> Result<Measurement, Failure> {
     let mut outcome = Ok(());
     let seconds = time_runs(CHARACTER_RUNS, || {
-        if let Err(failure) = characters::find("human", &mut |_| ControlFlow::Continue(())) {
-            outcome = Err(failure);
+        if let Err(error) = armature_character::human() {
+            outcome = Err(Failure::not_converged(error.to_string(), "this is a defect; please report it"));
         }
     });
     outcome?;
