@@ -2,6 +2,7 @@
 
 pub mod args;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -106,7 +107,12 @@ fn init_logging(verbose: u8) {
     let filter = tracing_subscriber::EnvFilter::try_from_env("ARMATURE_LOG").unwrap_or_else(|_| {
         tracing_subscriber::EnvFilter::new(format!("{default},wgpu_core=warn,wgpu_hal=error,naga=warn,winit=error"))
     });
-    let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time();
+    let subscriber = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(verbose > 1)
+        .without_time();
     // A second subscriber in one process (tests) keeps the first.
     let _ = subscriber.try_init();
 }

@@ -49,8 +49,21 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
     keep(args, calibration_path.as_deref(), performance.calibration(), performance.mapping())?;
     if !talk.quiet {
         println!("{summary}");
+        if !performance.mapping_doubts().is_empty() {
+            println!("{}", mapping_line(performance.mapping_doubts()));
+        }
     }
     summary.trouble.map_or(Ok(()), Err)
+}
+
+/// One line about a proposed mapping; the doubts themselves are for those who ask.
+fn mapping_line(doubts: &[String]) -> String {
+    doubts.iter().for_each(|doubt| tracing::info!("mapping: {doubt}"));
+    let choices = doubts.len();
+    let plural = if choices == 1 { "" } else { "s" };
+    format!(
+        "mapping    proposed by shape, {choices} choice{plural} worth a look (-v tells; --save-mapping FILE, correct it, --mapping FILE)"
+    )
 }
 
 fn tell(talk: Talk, lines: impl Iterator<Item = String>) {

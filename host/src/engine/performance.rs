@@ -58,6 +58,7 @@ pub struct Performance {
     chosen_mapping: Option<Mapping>,
     /// The last proposal and the puppet it was made for.
     proposed: Option<(JointTree, Mapping)>,
+    mapping_doubts: Vec<String>,
     zero_policy: ZeroPolicy,
     zero_wish: ZeroWish,
     waited_samples: u32,
@@ -86,6 +87,7 @@ impl Performance {
             skin,
             chosen_mapping: mapping,
             proposed: None,
+            mapping_doubts: Vec::new(),
             zero_policy,
             zero_wish: ZeroWish::Nothing,
             waited_samples: 0,
@@ -128,9 +130,10 @@ impl Performance {
         if let Some((_, mapping)) = self.proposed.as_ref().filter(|(whole, _)| is_part_of(tree, whole)) {
             return mapping.clone();
         }
-        let mapping = armature_rig::propose(tree, &self.actor.skeleton).mapping;
-        self.proposed = Some((tree.clone(), mapping.clone()));
-        mapping
+        let proposal = armature_rig::propose(tree, &self.actor.skeleton);
+        self.proposed = Some((tree.clone(), proposal.mapping.clone()));
+        self.mapping_doubts = proposal.ambiguities;
+        proposal.mapping
     }
 
     /// The next good sample becomes the rest pose.
@@ -222,6 +225,11 @@ impl Performance {
     /// The mapping in use.
     pub fn mapping(&self) -> Option<&Mapping> {
         self.solver.mapping()
+    }
+
+    /// What a person should look at in the proposed mapping, one sentence each; empty for a chosen one.
+    pub fn mapping_doubts(&self) -> &[String] {
+        &self.mapping_doubts
     }
 
     /// The calibration in use.
