@@ -1,5 +1,7 @@
 //! `armature bench`: what this machine does, by name, beside a peer where one is installed.
 
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Instant;
 
 use crate::cli::args::BenchArgs;
@@ -10,6 +12,7 @@ mod heat;
 mod pose;
 mod protocol;
 mod stream;
+mod winding;
 
 /// One measured number.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,6 +91,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: protocol::NAMES, run: protocol::run },
     Benchmark { names: pose::NAMES, run: pose::run },
     Benchmark { names: heat::NAMES, run: heat::run },
+    Benchmark { names: winding::NAMES, run: winding::run },
     Benchmark { names: stream::NAMES, run: stream::run },
 ];
 
@@ -128,6 +132,33 @@ fn time_runs(runs: usize, mut work: impl FnMut()) -> Vec<f64> {
         .collect();
     seconds.sort_by(f64::total_cmp);
     seconds
+}
+
+/// A file of the models that the budgets are stated for, where a checkout has them beside it.
+fn shared_file(name: &str) -> Option<PathBuf> {
+    let here = std::env::current_dir().ok()?;
+    here.ancestors().map(|folder| folder.join("shared/data").join(name)).find(|file| file.exists())
+}
+
+/// Runs a peer's script from `tests/` and reads the JSON object in its last line that is one.
+fn python_peer(
+    python: &Path,
+    script: &str,
+    arguments: &[&PathBuf],
+    install: &str,
+) -> Result<serde_json::Value, Failure> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests").join(script);
+    let failed = |what: String| Failure::usage(what, format!("give a Python that has it ({install})"));
+    let output = Command::new(python)
+        .arg(&script)
+        .args(arguments)
+        .output()
+        .map_err(|e| failed(format!("{} does not start: {e}", python.display())))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let object =
+        text.lines().rev().filter_map(|line| serde_json::from_str(line).ok()).find(serde_json::Value::is_object);
+    let complaint = || format!("{} gave no result: {}", script.display(), String::from_utf8_lossy(&output.stderr));
+    object.ok_or_else(|| failed(complaint()))
 }
 
 fn median(sorted: &[f64]) -> f64 {

@@ -150,6 +150,9 @@ pub struct BenchArgs {
     /// A Python that has Blender's `bpy` module, to run Blender's automatic weights beside ours
     #[arg(long, value_name = "PYTHON", env = "ARMATURE_BPY_PYTHON")]
     pub bpy_python: Option<PathBuf>,
+    /// A Python that has `libigl`, to run its winding numbers beside ours
+    #[arg(long, value_name = "PYTHON", env = "ARMATURE_IGL_PYTHON")]
+    pub igl_python: Option<PathBuf>,
 }
 
 /// `armature sim`
