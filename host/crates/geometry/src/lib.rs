@@ -4,6 +4,7 @@
 //! This crate does no I/O, reads no clock and prints nothing.
 
 mod cotangent_laplacian;
+mod delaunay;
 mod diagnose;
 mod fast_winding_number;
 mod flipped_components;
@@ -25,6 +26,7 @@ mod winding_number;
 pub use cotangent_laplacian::{
     Laplacian, cotangent_laplacian, cotangent_laplacian_of_triangles, cotangent_laplacian_tetrahedra,
 };
+pub use delaunay::{DelaunayError, DelaunayTetrahedra, delaunay_tetrahedra};
 pub use diagnose::{Diagnosis, diagnose};
 pub use fast_winding_number::FastWindingNumber;
 pub use flipped_components::{FlippedComponents, flipped_components};

@@ -1,0 +1,190 @@
+//! Delaunay tetrahedra of points.
+//!
+//! Points are inserted one by one into a triangulation of all of space; every sign is exact, so that grids, layers and
+//! points on a sphere are as good as any others.
+
+mod insertion;
+mod location;
+mod order;
+mod predicates;
+
+use std::ops::ControlFlow;
+
+use insertion::{Inserted, Triangulation};
+use order::insertion_order;
+use predicates::{collinear, orientation, same_place};
+
+/// Insertions between two reports of progress.
+const REPORT_EVERY: usize = 4096;
+/// The largest coordinate is scaled into [2¹⁸⁰, 2¹⁸¹): fifth powers of differences, as the sphere test needs them,
+/// stay below 2¹⁰²³.
+const LARGEST_EXPONENT: i32 = 180;
+/// 2⁻¹⁶²: from here up the last bit of a coordinate is at least 2⁻²¹⁴, whose fifth power f64 can still tell from
+/// zero. Between the two limits no sign is ever lost to overflow or underflow.
+const SMALLEST_COORDINATE: f64 = f64::from_bits((1023 - 162) << 52);
+
+/// The Delaunay tetrahedra of points: together they fill the convex hull, and the sphere around each has no point
+/// inside. Where more than four points lie on such a sphere, one of the possible choices is made.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DelaunayTetrahedra {
+    /// m×4 zero-based indices of points, `(b-a)·((c-a)×(d-a)) > 0` exactly.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// m×4: the tetrahedron across the facet opposite each corner, [`Self::OUTSIDE`] for a facet of the hull.
+    pub neighbours: Vec<[u32; 4]>,
+    /// For each point the first point at the same place, itself if there is none before it. Only these first points
+    /// are corners, and each of them is.
+    pub first_at_place: Vec<u32>,
+}
+
+impl DelaunayTetrahedra {
+    /// The neighbour of a facet of the hull.
+    pub const OUTSIDE: u32 = u32::MAX;
+}
+
+/// Why points have no Delaunay tetrahedra.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DelaunayError {
+    /// Less than a tetrahedron.
+    #[error("a volume needs at least 4 points at different places, but there are only {distinct}")]
+    TooFewPoints {
+        /// How many different places there are.
+        distinct: usize,
+    },
+    /// Everything lies on one line.
+    #[error("all points lie exactly on one line; a volume needs points off it")]
+    Collinear,
+    /// Everything lies in one plane.
+    #[error("all points lie exactly in one plane; a volume needs points off it")]
+    Coplanar,
+    /// A coordinate is NaN or infinite.
+    #[error("point {point} has a coordinate that is not a finite number")]
+    NotFinite {
+        /// Zero-based point.
+        point: usize,
+    },
+    /// A coordinate is so close to zero, compared to the largest, that signs could not be exact.
+    #[error(
+        "point {point} has a coordinate that is not zero but 1e-103 times smaller than the largest; set it to zero"
+    )]
+    TooFine {
+        /// Zero-based point.
+        point: usize,
+    },
+    /// More than indices can name.
+    #[error("{points} points, or their tetrahedra, are more than 32-bit indices can name; use fewer points")]
+    TooMany {
+        /// How many points were given.
+        points: usize,
+    },
+    /// The progress callback asked to stop.
+    #[error("the Delaunay tetrahedralisation was cancelled")]
+    Cancelled,
+}
+
+/// The Delaunay tetrahedra of n×3 `points`, in any unit.
+///
+/// The same points give the same tetrahedra, on any number of threads. `progress` is told the fraction of points done
+/// every few thousand points, and cancels by [`ControlFlow::Break`]. Time is near-linear for points of surfaces and
+/// volumes; points on two skew lines have a number of tetrahedra that is the square of theirs.
+pub fn delaunay_tetrahedra(
+    points: &[[f64; 3]],
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<DelaunayTetrahedra, DelaunayError> {
+    let too_many = DelaunayError::TooMany { points: points.len() };
+    if points.len() > i32::MAX as usize / 2 {
+        return Err(too_many);
+    }
+    let scaled = scaled_into_range(points)?;
+    let mut order = insertion_order(&scaled);
+    put_tetrahedron_first(&mut order, &scaled)?;
+    let sorted: Vec<[f64; 3]> = order.iter().map(|&index| scaled[index as usize]).collect();
+    drop(scaled);
+    let mut triangulation = Triangulation::new(&sorted, [0, 1, 2, 3]);
+    let mut first_at_place: Vec<u32> = (0..points.len() as u32).collect();
+    // Of points at one place the first by index takes over, whichever was inserted.
+    let mut name = order.clone();
+    for position in 4..sorted.len() {
+        if position % REPORT_EVERY == 0 && progress(position as f64 / sorted.len() as f64).is_break() {
+            return Err(DelaunayError::Cancelled);
+        }
+        match triangulation.insert(position as u32) {
+            Inserted::Yes => {}
+            Inserted::DuplicateOf(twin) => {
+                let twin = twin as usize;
+                first_at_place[order[position] as usize] = order[twin];
+                name[twin] = name[twin].min(order[position]);
+            }
+            Inserted::Full => return Err(too_many),
+        }
+    }
+    let mut name_of = vec![0; points.len()];
+    for (position, &index) in order.iter().enumerate() {
+        name_of[index as usize] = name[position];
+    }
+    for first in &mut first_at_place {
+        *first = name_of[*first as usize];
+    }
+    let (tetrahedra, neighbours) = inside(&triangulation, &name);
+    Ok(DelaunayTetrahedra { tetrahedra, neighbours, first_at_place })
+}
+
+/// Times a power of two, so that nothing is rounded, to where all signs are exact.
+fn scaled_into_range(points: &[[f64; 3]]) -> Result<Vec<[f64; 3]>, DelaunayError> {
+    if let Some(point) = points.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
+        return Err(DelaunayError::NotFinite { point });
+    }
+    let largest = points.iter().flatten().fold(0.0, |most: f64, c| most.max(c.abs()));
+    if largest == 0.0 {
+        return Err(DelaunayError::TooFewPoints { distinct: points.len().min(1) });
+    }
+    let shift = LARGEST_EXPONENT - libm::ilogb(largest);
+    let scaled: Vec<[f64; 3]> = points.iter().map(|p| p.map(|c| libm::scalbn(c, shift))).collect();
+    let too_fine = |(p, s): (&[f64; 3], &[f64; 3])| (0..3).any(|k| p[k] != 0.0 && s[k].abs() < SMALLEST_COORDINATE);
+    match points.iter().zip(&scaled).position(too_fine) {
+        Some(point) => Err(DelaunayError::TooFine { point }),
+        None => Ok(scaled),
+    }
+}
+
+/// Moves four points that make a positively oriented tetrahedron to the front of the order.
+fn put_tetrahedron_first(order: &mut [u32], points: &[[f64; 3]]) -> Result<(), DelaunayError> {
+    let at = |index: u32| &points[index as usize];
+    let flat = |order: &[u32], why: DelaunayError| {
+        let mut places: Vec<&[f64; 3]> = Vec::new();
+        for &index in order {
+            if places.len() < 4 && !places.contains(&at(index)) {
+                places.push(at(index));
+            }
+        }
+        if places.len() < 4 { DelaunayError::TooFewPoints { distinct: places.len() } } else { why }
+    };
+    for found in 1..4 {
+        let more = (found..order.len()).find(|&k| match found {
+            1 => !same_place(at(order[k]), at(order[0])),
+            2 => !collinear(at(order[0]), at(order[1]), at(order[k])),
+            _ => orientation(at(order[0]), at(order[1]), at(order[2]), at(order[k])) != 0.0,
+        });
+        let why = if found == 3 { DelaunayError::Coplanar } else { DelaunayError::Collinear };
+        let Some(more) = more else { return Err(flat(order, why)) };
+        order[found..=more].rotate_right(1);
+    }
+    if orientation(at(order[0]), at(order[1]), at(order[2]), at(order[3])) < 0.0 {
+        order.swap(0, 1);
+    }
+    Ok(())
+}
+
+/// The tetrahedra without a corner at infinity, and what lies across their facets.
+fn inside(triangulation: &Triangulation, name: &[u32]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
+    let mut index_of = vec![DelaunayTetrahedra::OUTSIDE; triangulation.corners.len()];
+    let mut kept = Vec::new();
+    for tet in 0..triangulation.corners.len() as u32 {
+        if triangulation.is_alive(tet) && triangulation.infinite_slot(tet).is_none() {
+            index_of[tet as usize] = kept.len() as u32;
+            kept.push(tet);
+        }
+    }
+    let corners = |&tet: &u32| triangulation.corners[tet as usize].map(|corner| name[corner as usize]);
+    let across = |&tet: &u32| triangulation.neighbours[tet as usize].map(|other| index_of[other as usize]);
+    (kept.iter().map(corners).collect(), kept.iter().map(across).collect())
+}
