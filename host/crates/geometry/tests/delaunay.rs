@@ -168,7 +168,11 @@ fn clusters_lines_and_duplicates() {
         random(4000).iter().enumerate().map(|(i, p)| p.map(|c| c * 10_f64.powi(-(i as i32 % 12)))).collect();
     check(&clustered, &tetrahedralise(&clustered).unwrap());
     // Two skew lines: each segment of one with each of the other.
-    let lines: Points = (0..60).flat_map(|i| [[f64::from(i), 0.0, 0.0], [0.0, f64::from(i), 1.0]]).collect();
+    let lines =
+        |n: u32| -> Points { (0..n).flat_map(|i| [[f64::from(i), 0.0, 0.0], [0.0, f64::from(i), 1.0]]).collect() };
+    let refused = tetrahedralise(&lines(4000)).unwrap_err();
+    assert!(matches!(refused, DelaunayError::TooManyTetrahedra { .. }), "{refused}");
+    let lines = lines(60);
     let delaunay = tetrahedralise(&lines).unwrap();
     check(&lines, &delaunay);
     assert_eq!(delaunay.tetrahedra.len(), 59 * 59);

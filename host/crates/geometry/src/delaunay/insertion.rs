@@ -26,6 +26,7 @@ pub(super) struct Triangulation<'a> {
     pub(super) last: u32,
     /// `stamp` if in conflict with the current point, `stamp + 1` if not, anything less if not looked at.
     mark: Vec<u32>,
+    most: usize,
     stamp: u32,
     free: Vec<u32>,
     conflicts: Vec<u32>,
@@ -50,14 +51,13 @@ pub(super) enum Inserted {
     Yes,
     /// That earlier point lies at the same place.
     DuplicateOf(u32),
-    /// There are no indices left for new tetrahedra.
+    /// There would be more tetrahedra than allowed; nothing was changed.
     Full,
 }
 
 impl<'a> Triangulation<'a> {
-    /// The positively oriented tetrahedron `corners`, and infinity.
-    pub(super) fn new(points: &'a [[f64; 3]], [a, b, c, d]: [u32; 4]) -> Self {
-        let inner = [a, b, c, d];
+    /// The positively oriented tetrahedron `inner`, and infinity; never to have more than `most` tetrahedra.
+    pub(super) fn new(points: &'a [[f64; 3]], inner: [u32; 4], most: usize) -> Self {
         let mut all = vec![inner];
         for slot in 0..4 {
             let mut outer = inner;
@@ -77,6 +77,7 @@ impl<'a> Triangulation<'a> {
             neighbours: neighbours.collect(),
             mark: vec![0; all.len()],
             corners: all,
+            most,
             last: 0,
             stamp: 0,
             free: Vec::new(),
@@ -94,7 +95,7 @@ impl<'a> Triangulation<'a> {
             return Inserted::DuplicateOf(twin);
         }
         self.find_conflicts(start, &position);
-        if self.corners.len() + self.boundary.len() >= NONE as usize {
+        if self.corners.len() + self.boundary.len() > self.most {
             return Inserted::Full;
         }
         self.fill(point);

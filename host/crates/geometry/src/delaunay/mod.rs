@@ -16,6 +16,11 @@ use predicates::{collinear, orientation, same_place};
 
 /// Insertions between two reports of progress.
 const REPORT_EVERY: usize = 4096;
+/// Insertions are counted by twos in 32 bits.
+const MOST_POINTS: usize = i32::MAX as usize / 2;
+/// Points spread in a volume have 7 tetrahedra each, those of surfaces about as many, those of a cylinder 21.
+const MOST_PER_POINT: usize = 32;
+const MOST_FOR_FEW_POINTS: usize = 4_000_000;
 /// The largest coordinate is scaled into [2¹⁸⁰, 2¹⁸¹): fifth powers of differences, as the sphere test needs them,
 /// stay below 2¹⁰²³.
 const LARGEST_EXPONENT: i32 = 180;
@@ -71,10 +76,16 @@ pub enum DelaunayError {
         point: usize,
     },
     /// More than indices can name.
-    #[error("{points} points, or their tetrahedra, are more than 32-bit indices can name; use fewer points")]
-    TooMany {
+    #[error("{points} points are more than 32-bit indices can name; use fewer")]
+    TooManyPoints {
         /// How many points were given.
         points: usize,
+    },
+    /// The number of tetrahedra grows with the square of that of the points, and would fill the memory.
+    #[error("the points, perhaps on a few lines, need more than {most} tetrahedra; use fewer points")]
+    TooManyTetrahedra {
+        /// How many tetrahedra are allowed for this number of points.
+        most: usize,
     },
     /// The progress callback asked to stop.
     #[error("the Delaunay tetrahedralisation was cancelled")]
@@ -85,21 +96,23 @@ pub enum DelaunayError {
 ///
 /// The same points give the same tetrahedra, on any number of threads. `progress` is told the fraction of points done
 /// every few thousand points, and cancels by [`ControlFlow::Break`]. Time is near-linear for points of surfaces and
-/// volumes; points on two skew lines have a number of tetrahedra that is the square of theirs.
+/// volumes; points on a few lines can need the square of their number of tetrahedra, and
+/// more than 32 a point and four million are refused.
 pub fn delaunay_tetrahedra(
     points: &[[f64; 3]],
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<DelaunayTetrahedra, DelaunayError> {
-    let too_many = DelaunayError::TooMany { points: points.len() };
-    if points.len() > i32::MAX as usize / 2 {
-        return Err(too_many);
+    if points.len() > MOST_POINTS {
+        return Err(DelaunayError::TooManyPoints { points: points.len() });
     }
+    let most =
+        (MOST_PER_POINT.saturating_mul(points.len()).saturating_add(MOST_FOR_FEW_POINTS)).min(u32::MAX as usize - 1);
     let scaled = scaled_into_range(points)?;
     let mut order = insertion_order(&scaled);
     put_tetrahedron_first(&mut order, &scaled)?;
     let sorted: Vec<[f64; 3]> = order.iter().map(|&index| scaled[index as usize]).collect();
     drop(scaled);
-    let mut triangulation = Triangulation::new(&sorted, [0, 1, 2, 3]);
+    let mut triangulation = Triangulation::new(&sorted, [0, 1, 2, 3], most);
     let mut first_at_place: Vec<u32> = (0..points.len() as u32).collect();
     // Of points at one place the first by index takes over, whichever was inserted.
     let mut name = order.clone();
@@ -114,7 +127,7 @@ pub fn delaunay_tetrahedra(
                 first_at_place[order[position] as usize] = order[twin];
                 name[twin] = name[twin].min(order[position]);
             }
-            Inserted::Full => return Err(too_many),
+            Inserted::Full => return Err(DelaunayError::TooManyTetrahedra { most }),
         }
     }
     let mut name_of = vec![0; points.len()];
