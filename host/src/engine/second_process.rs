@@ -29,6 +29,7 @@ impl SimulatedPuppet {
             // There are no pseudo-terminals here; the same bytes go over TCP.
             command.args(["--tcp", "127.0.0.1:0"]);
         }
+        leave_our_interrupts_to_us(&mut command);
         let process = command
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -62,6 +63,15 @@ impl SimulatedPuppet {
     pub fn process_id(&self) -> u32 {
         self.process.id()
     }
+}
+
+/// Ctrl-C goes to every process of a terminal's group. The puppet is not to fall over when the user ends the
+/// performance, or that would look like a pulled cable.
+fn leave_our_interrupts_to_us(command: &mut Command) {
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(command, 0);
+    #[cfg(not(unix))]
+    let _ = command;
 }
 
 impl Drop for SimulatedPuppet {

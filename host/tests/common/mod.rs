@@ -44,8 +44,8 @@ impl Place {
         std::fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    /// Runs the program to its end. Whatever it was given, it does not panic and is not killed.
-    pub(crate) fn run(&self, arguments: &[&str]) -> Ran {
+    /// The program with these arguments, not started yet.
+    pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_armature"));
         command.args(arguments).current_dir(&self.folder).stdin(Stdio::null());
         for variable in ["HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME"] {
@@ -55,7 +55,12 @@ impl Place {
         for variable in ["ARMATURE_LOG", "ARMATURE_BPY_PYTHON", "RUST_BACKTRACE"] {
             command.env_remove(variable);
         }
-        let output = command.output().expect("the program starts");
+        command
+    }
+
+    /// Runs the program to its end. Whatever it was given, it does not panic and is not killed.
+    pub(crate) fn run(&self, arguments: &[&str]) -> Ran {
+        let output = self.command(arguments).output().expect("the program starts");
         let ran = Ran {
             code: output.status.code().unwrap_or(-1),
             out: String::from_utf8_lossy(&output.stdout).into_owned(),
