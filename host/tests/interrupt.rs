@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use common::Place;
 
 /// Long enough for a loaded machine to shape a character and shake hands with a puppet.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 /// Two flushes of a take.
 const SOME_BYTES: u64 = 60_000;
 
