@@ -14,6 +14,7 @@ mod intrinsic_delaunay;
 mod lumped_mass;
 mod mesh;
 mod normals;
+mod predicates;
 mod self_intersections;
 mod sparse_matrix;
 mod topology;

@@ -7,7 +7,7 @@
 //! many points lie on one sphere, and no perturbation is needed. (If the point lay in the plane of such a facet, it
 //! would lie inside the facet's circle, hence inside the spheres on both sides.)
 
-use super::predicates::{in_sphere, orientation, same_place};
+use crate::predicates::{in_sphere, orientation, same_place};
 
 /// The corner at infinity.
 pub(super) const INFINITE: u32 = u32::MAX;

@@ -6,13 +6,12 @@
 mod insertion;
 mod location;
 mod order;
-mod predicates;
 
 use std::ops::ControlFlow;
 
+use crate::predicates::{collinear, orientation, same_place};
 use insertion::{Inserted, Triangulation};
 use order::insertion_order;
-use predicates::{collinear, orientation, same_place};
 
 /// Insertions between two reports of progress.
 const REPORT_EVERY: usize = 4096;

@@ -9,7 +9,7 @@ const ORIENTATION_ERROR: f64 = 5e-15;
 const IN_SPHERE_ERROR: f64 = 5e-14;
 
 /// Positive if `(b-a)·((c-a)×(d-a)) > 0`, zero exactly if the four points lie in one plane.
-pub(super) fn orientation(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3], d: &[f64; 3]) -> f64 {
+pub(crate) fn orientation(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3], d: &[f64; 3]) -> f64 {
     let [a_d, b_d, c_d] = [difference(a, d), difference(b, d), difference(c, d)];
     let det = a_d[2] * (b_d[0] * c_d[1] - c_d[0] * b_d[1])
         + b_d[2] * (c_d[0] * a_d[1] - a_d[0] * c_d[1])
@@ -23,7 +23,7 @@ pub(super) fn orientation(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3], d: &[f64; 3]
 
 /// Positive if `e` lies inside the sphere through the positively oriented tetrahedron `a b c d`, zero exactly if it
 /// lies on the sphere.
-pub(super) fn in_sphere(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3], d: &[f64; 3], e: &[f64; 3]) -> f64 {
+pub(crate) fn in_sphere(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3], d: &[f64; 3], e: &[f64; 3]) -> f64 {
     let corners = [difference(a, e), difference(b, e), difference(c, e), difference(d, e)];
     let minor = |i: usize, j: usize| corners[i][0] * corners[j][1] - corners[j][0] * corners[i][1];
     let (ab, bc, cd, da, ac, bd) = (minor(0, 1), minor(1, 2), minor(2, 3), minor(3, 0), minor(0, 2), minor(1, 3));
@@ -43,7 +43,7 @@ pub(super) fn in_sphere(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3], d: &[f64; 3], 
 }
 
 /// Whether the three points lie on one line.
-pub(super) fn collinear(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3]) -> bool {
+pub(crate) fn collinear(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3]) -> bool {
     [[0, 1], [1, 2], [2, 0]].iter().all(|&[i, j]| {
         let flat = |p: &[f64; 3]| robust::Coord { x: p[i], y: p[j] };
         robust::orient2d(flat(a), flat(b), flat(c)) == 0.0
@@ -52,7 +52,7 @@ pub(super) fn collinear(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3]) -> bool {
 
 /// Whether all three coordinates are equal; the two zeros are.
 #[expect(clippy::float_cmp, reason = "a duplicate is at exactly the same place; anything else is a point of its own")]
-pub(super) fn same_place(a: &[f64; 3], b: &[f64; 3]) -> bool {
+pub(crate) fn same_place(a: &[f64; 3], b: &[f64; 3]) -> bool {
     a == b
 }
 
