@@ -8,8 +8,10 @@
 
 mod bvh;
 mod calibration_file;
+mod cells;
 mod error;
 mod gltf;
+mod gmsh;
 mod graph_skeleton;
 mod mapping_file;
 mod medit;
@@ -26,11 +28,14 @@ mod tails;
 mod text;
 mod texture;
 mod tgf;
+mod vtu;
 
 pub use bvh::{read_bvh, write_bvh};
 pub use calibration_file::{read_calibration, write_calibration};
+pub use cells::{CellData, CellDataLength, CellMesh, Cells};
 pub use error::{FormatError, Place};
 pub use gltf::{GlbClip, GlbMesh, GlbScene, GlbTimes, write_glb};
+pub use gmsh::write_msh;
 pub use graph_skeleton::{GraphError, GraphSkeleton, skeleton_from_graph};
 pub use mapping_file::{read_mapping, write_mapping};
 pub use medit::write_mesh;
@@ -38,3 +43,4 @@ pub use model::{Model, ModelRig, Split, Texture};
 pub use obj::write_obj;
 pub use read_model::{Resolver, read_model};
 pub use tgf::{TgfGraph, read_tgf};
+pub use vtu::write_vtu;

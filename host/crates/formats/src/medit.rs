@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use armature_geometry::{TetrahedralMesh, TriangleMesh};
 
+use crate::cells::{CellMesh, Cells};
 use crate::text::{count, decode, number, numbered_lines, quoted, without_comment};
 use crate::{FormatError, Model};
 
@@ -170,25 +171,33 @@ fn boundary(tetrahedra: &[[u32; 4]]) -> Vec<([u32; 3], [u32; 3])> {
     faces.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() == 1).map(|group| group[0]).collect()
 }
 
-/// Writes a volume and its surface as Medit MESH text. Pass an empty surface to leave it out.
-pub fn write_mesh(volume: &TetrahedralMesh, surface_triangles: &[[u32; 3]]) -> String {
-    let mut out = String::from("MeshVersionFormatted 1\nDimension 3\n");
-    let _ = writeln!(out, "Vertices\n{}", volume.vertices.len());
-    for [x, y, z] in &volume.vertices {
-        let _ = writeln!(out, "{x} {y} {z} 0");
+/// Writes a mesh as Medit MESH text, in double precision: what is read again is the same to the last bit. The format
+/// has no room for numbers of cells.
+pub fn write_mesh(mesh: &CellMesh) -> String {
+    // Readers keep the coordinates of version 1 in single precision.
+    let mut out = String::from("MeshVersionFormatted 2\nDimension 3\n");
+    let _ = writeln!(out, "Vertices\n{}", mesh.vertices.len());
+    for [x, y, z] in mesh.vertices {
+        let _ = writeln!(out, "{x:?} {y:?} {z:?} 0");
     }
-    if !surface_triangles.is_empty() {
-        let _ = writeln!(out, "Triangles\n{}", surface_triangles.len());
-        for t in surface_triangles {
-            let _ = writeln!(out, "{} {} {} 0", t[0] + 1, t[1] + 1, t[2] + 1);
-        }
+    let triangles = mesh.triangles();
+    if !triangles.is_empty() {
+        let _ = writeln!(out, "Triangles\n{}", triangles.len());
+        triangles.iter().for_each(|t| write_element(&mut out, t));
     }
-    let _ = writeln!(out, "Tetrahedra\n{}", volume.tetrahedra.len());
-    for t in &volume.tetrahedra {
-        let _ = writeln!(out, "{} {} {} {} 0", t[0] + 1, t[1] + 1, t[2] + 1, t[3] + 1);
+    if let Cells::Tetrahedra { tetrahedra, .. } = mesh.cells {
+        let _ = writeln!(out, "Tetrahedra\n{}", tetrahedra.len());
+        tetrahedra.iter().for_each(|t| write_element(&mut out, t));
     }
     out.push_str("End\n");
     out
+}
+
+fn write_element(out: &mut String, corners: &[u32]) {
+    for &corner in corners {
+        let _ = write!(out, "{} ", u64::from(corner) + 1);
+    }
+    out.push_str("0\n");
 }
 
 #[cfg(test)]
@@ -225,9 +234,24 @@ mod tests {
         let model = read_mesh("", with.as_bytes()).unwrap();
         assert_eq!(model.mesh.triangles, [[0, 2, 1], [1, 2, 3]]);
         let volume = model.tetrahedra.unwrap();
-        let text = write_mesh(&volume, &model.mesh.triangles);
+        let text = write_mesh(&CellMesh::of_tetrahedra(&volume, &model.mesh.triangles));
         let again = read_mesh("", text.as_bytes()).unwrap();
         assert_eq!((again.mesh, again.tetrahedra), (model.mesh, Some(volume)));
+    }
+
+    #[test]
+    fn a_round_trip_keeps_every_bit() {
+        let vertices = vec![
+            [0.1 + 0.2, -0.0, 5e-324],
+            [f64::MAX, f64::MIN_POSITIVE, 1.0 / 3.0],
+            [-1e-7, 1e16 + 2.0, 123_456_789.123_456_79],
+            [f64::from_bits(0x3FF0_0000_0000_0001), -2.5e-200, 1e300],
+        ];
+        let bits = |vertices: &[[f64; 3]]| vertices.iter().map(|p| p.map(f64::to_bits)).collect::<Vec<_>>();
+        let surface = TriangleMesh { vertices: vertices.clone(), triangles: vec![[2, 0, 1], [3, 1, 0]] };
+        let again = read_mesh("", write_mesh(&CellMesh::of_triangles(&surface)).as_bytes()).unwrap();
+        assert_eq!(bits(&again.mesh.vertices), bits(&vertices));
+        assert_eq!((again.mesh.triangles, again.tetrahedra), (surface.triangles, None));
     }
 
     #[test]
