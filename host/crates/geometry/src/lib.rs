@@ -15,6 +15,7 @@ mod intrinsic_delaunay;
 mod lumped_mass;
 mod mesh;
 mod normals;
+mod orient_patches;
 mod predicates;
 mod self_intersections;
 mod sides;
@@ -40,6 +41,7 @@ pub use intrinsic_delaunay::{IntrinsicLaplacian, intrinsic_delaunay_laplacian};
 pub use lumped_mass::{Lumping, lumped_mass, lumped_mass_of_triangles, lumped_mass_tetrahedra};
 pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
 pub use normals::{NormalWeighting, triangle_areas, vertex_normals};
+pub use orient_patches::{OrientedPatch, OrientedPatches, PatchVerdict, orient_patches};
 pub use self_intersections::{SelfIntersections, self_intersections};
 pub use sparse_matrix::{EntryOutOfRange, SparseMatrix};
 pub use topology::{
