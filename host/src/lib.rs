@@ -12,5 +12,6 @@ pub mod files;
 pub mod inputs;
 pub mod pictures;
 pub mod settings;
+pub mod slice;
 pub mod takes;
 pub mod talk;
