@@ -324,7 +324,7 @@ fn segment_meets_box(from: DVec3, inverse: DVec3, node: &Node) -> bool {
 }
 
 /// Möller and Trumbore's test on an unnormalised direction; edges count as inside.
-fn segment_meets_triangle(from: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<f64> {
+pub(crate) fn segment_meets_triangle(from: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<f64> {
     let (ab, ac) = (*b - *a, *c - *a);
     let p = direction.cross(ac);
     let determinant = ab.dot(p);
@@ -349,7 +349,7 @@ fn box_distance_squared(query: DVec3, node: &Node) -> f64 {
 
 /// By the triangle's Voronoi regions (Ericson, Real-Time Collision Detection, 5.1.5); a degenerate triangle is
 /// treated as its edges.
-fn closest_on_triangle(query: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
+pub(crate) fn closest_on_triangle(query: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
     let normal = (*b - *a).cross(*c - *a);
     let squared = normal.length_squared();
     if squared > 0.0 {

@@ -3,6 +3,7 @@
 //! A mesh is vertex positions plus an index list (thesis 9.3); there is no half-edge structure.
 //! This crate does no I/O, reads no clock and prints nothing.
 
+mod box_tree;
 mod cotangent_laplacian;
 mod delaunay;
 mod diagnose;
@@ -19,6 +20,7 @@ mod orient_patches;
 mod predicates;
 mod self_intersections;
 mod sides;
+mod simplify;
 mod sparse_matrix;
 mod topology;
 mod turns;
@@ -43,6 +45,7 @@ pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
 pub use normals::{NormalWeighting, triangle_areas, vertex_normals};
 pub use orient_patches::{OrientedPatch, OrientedPatches, PatchVerdict, orient_patches};
 pub use self_intersections::{SelfIntersections, self_intersections};
+pub use simplify::{Simplified, SimplifyError, SimplifyOutcome, SurfacePlace, simplify};
 pub use sparse_matrix::{EntryOutOfRange, SparseMatrix};
 pub use topology::{
     Components, Edge, Fans, boundary_edges, connected_components, edges, non_manifold_edges, vertex_triangles,

@@ -80,7 +80,7 @@ fn meeting(boxes: &TriangleHierarchy, facets: &[Facet], first: usize, enough_for
 
 type Point = [f64; 3];
 
-struct Facet {
+pub(crate) struct Facet {
     /// Which welded vertices.
     names: [u32; 3],
     places: [Point; 3],
@@ -89,7 +89,7 @@ struct Facet {
 }
 
 impl Facet {
-    fn new(names: [u32; 3], places: [Point; 3]) -> Self {
+    pub(crate) fn new(names: [u32; 3], places: [Point; 3]) -> Self {
         let area_along = |axis: usize| side_2d(axis, places[0], places[1], places[2]).abs();
         let axis = (0..3).max_by(|&i, &j| area_along(i).total_cmp(&area_along(j)));
         Self { names, places, flat_axis: axis.filter(|&axis| area_along(axis) > 0.0) }
@@ -101,7 +101,7 @@ impl Facet {
     }
 }
 
-fn meet(a: &Facet, b: &Facet) -> bool {
+pub(crate) fn meet(a: &Facet, b: &Facet) -> bool {
     let (Some(a_axis), Some(b_axis)) = (a.flat_axis, b.flat_axis) else { return false };
     let shared: Vec<u32> = a.names.into_iter().filter(|name| b.names.contains(name)).collect();
     match shared.len() {

@@ -1,0 +1,175 @@
+//! Edges, cheapest first.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use super::collapse::{Bench, Refusal, leaves_gap, placement};
+use super::quadric::Quadric;
+use super::surface::Surface;
+
+/// Rounds over all edges after some were refused: what stood in the way may be gone.
+const MOST_ROUNDS: usize = 6;
+/// Pairs of triangles looked at for each triangle given, before a mesh counts as too tangled. Sound meshes need 100.
+const PAIRS_PER_TRIANGLE: usize = 1500;
+const PAIRS_FOR_FEW: usize = 10_000_000;
+
+/// How the queue ran empty, or did not.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Ended {
+    pub(super) refused_by_topology: usize,
+    pub(super) refused_by_geometry: usize,
+    pub(super) out_of_work: bool,
+    pub(super) cancelled: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    cost: f64,
+    ends: [u32; 2],
+    /// Sum of how often the ends had changed when this was entered.
+    version: u32,
+    attempt: u8,
+}
+
+impl Ord for Entry {
+    /// The greatest is the cheapest, the last word being the edge's, so that no two are equal by accident.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let key = |e: &Self| (e.ends, e.attempt, e.version);
+        other.cost.total_cmp(&self.cost).then_with(|| key(other).cmp(&key(self)))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Entry {}
+
+/// A surface on its way down.
+#[derive(Debug)]
+pub(super) struct Collapser<'a> {
+    pub(super) surface: &'a mut Surface,
+    /// For each vertex, around the surface's centre.
+    pub(super) quadrics: Vec<Quadric>,
+    /// For each vertex the distance to the nearest sheet that faces it.
+    pub(super) gaps: Vec<f64>,
+    /// For each vertex the one it was collapsed into, itself if it is still there.
+    pub(super) into: Vec<u32>,
+    versions: Vec<u32>,
+    heap: BinaryHeap<Entry>,
+}
+
+impl<'a> Collapser<'a> {
+    pub(super) fn new(surface: &'a mut Surface, quadrics: Vec<Quadric>, gaps: Vec<f64>) -> Self {
+        let into = (0..quadrics.len() as u32).collect();
+        let versions = vec![0; quadrics.len()];
+        Self { surface, quadrics, gaps, into, versions, heap: BinaryHeap::new() }
+    }
+
+    /// Collapses edges until `target` vertices are left or none may be collapsed. `report` is called every so often
+    /// and ends it all by returning `false`.
+    pub(super) fn run(&mut self, target: usize, mut report: impl FnMut(usize) -> bool) -> Ended {
+        let mut bench = Bench::new(self.surface);
+        let most_pairs = PAIRS_PER_TRIANGLE.saturating_mul(self.surface.triangles.len()) + PAIRS_FOR_FEW;
+        let mut ended = Ended::default();
+        for _ in 0..MOST_ROUNDS {
+            let before = self.surface.live_vertices;
+            self.enter_all_edges();
+            ended = Ended::default();
+            let mut popped = 0_usize;
+            while self.surface.live_vertices > target
+                && let Some(entry) = self.heap.pop()
+            {
+                popped += 1;
+                if popped % 1024 == 0 && !report(self.surface.live_vertices) {
+                    return Ended { cancelled: true, ..ended };
+                }
+                if bench.pairs > most_pairs {
+                    return Ended { out_of_work: true, ..ended };
+                }
+                match self.try_edge(&mut bench, &entry) {
+                    Ok(()) | Err(Refusal::Stale) => {}
+                    Err(Refusal::Topology) => ended.refused_by_topology += 1,
+                    Err(Refusal::Geometry) => {
+                        ended.refused_by_geometry += usize::from(entry.attempt == 0);
+                        self.enter(entry.ends, entry.attempt + 1);
+                    }
+                }
+            }
+            let live = self.surface.live_vertices;
+            // Another round is not worth its edges for less than a hundredth.
+            if live <= target || 100 * (before - live) < before {
+                break;
+            }
+        }
+        ended
+    }
+
+    fn try_edge(&mut self, bench: &mut Bench, entry: &Entry) -> Result<(), Refusal> {
+        let [kept, lost] = entry.ends;
+        if self.version(entry.ends) != entry.version || self.into[kept as usize] != kept || self.into[lost as usize] != lost {
+            return Err(Refusal::Stale);
+        }
+        let joined = self.quadrics[kept as usize].joined(&self.quadrics[lost as usize]);
+        let Some((_, place)) = self.placement(entry.ends, &joined, entry.attempt) else { return Err(Refusal::Stale) };
+        let gap = self.gaps[kept as usize].min(self.gaps[lost as usize]);
+        if entry.attempt == 0 {
+            bench.keeps_topology(self.surface, entry.ends)?;
+        }
+        if leaves_gap(&joined, place, self.surface.centre, gap) {
+            return Err(Refusal::Geometry);
+        }
+        bench.keeps_shape(self.surface, entry.ends, place)?;
+        self.surface.collapse(kept, lost, place);
+        self.quadrics[kept as usize] = joined;
+        self.gaps[kept as usize] = gap;
+        self.into[lost as usize] = kept;
+        self.versions[kept as usize] += 1;
+        let mut others: Vec<u32> =
+            self.surface.star(kept).flat_map(|t| self.surface.triangles[t as usize]).filter(|&v| v != kept).collect();
+        others.sort_unstable();
+        others.dedup();
+        others.into_iter().for_each(|v| self.enter([kept.min(v), kept.max(v)], 0));
+        Ok(())
+    }
+
+    fn enter_all_edges(&mut self) {
+        let mut edges: Vec<[u32; 2]> = Vec::with_capacity(3 * self.surface.live_triangles);
+        for t in (0..self.surface.triangles.len() as u32).filter(|&t| self.surface.is_alive(t)) {
+            let [a, b, c] = self.surface.triangles[t as usize];
+            edges.extend([[a.min(b), a.max(b)], [b.min(c), b.max(c)], [c.min(a), c.max(a)]]);
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        self.heap.clear();
+        let entries: Vec<Entry> = edges.into_iter().filter_map(|ends| self.entry(ends, 0)).collect();
+        self.heap = BinaryHeap::from(entries);
+    }
+
+    fn enter(&mut self, ends: [u32; 2], attempt: u8) {
+        let entry = self.entry(ends, attempt);
+        self.heap.extend(entry);
+    }
+
+    fn entry(&self, ends: [u32; 2], attempt: u8) -> Option<Entry> {
+        let joined = self.quadrics[ends[0] as usize].joined(&self.quadrics[ends[1] as usize]);
+        let (cost, _) = self.placement(ends, &joined, attempt)?;
+        Some(Entry { cost, ends, version: self.version(ends), attempt })
+    }
+
+    fn placement(&self, ends: [u32; 2], joined: &Quadric, attempt: u8) -> Option<(f64, glam::DVec3)> {
+        placement(joined, ends.map(|v| self.surface.positions[v as usize]), self.surface.centre, attempt)
+    }
+
+    fn version(&self, ends: [u32; 2]) -> u32 {
+        self.versions[ends[0] as usize] + self.versions[ends[1] as usize]
+    }
+}
