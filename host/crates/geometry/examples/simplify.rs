@@ -38,7 +38,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut quality: Vec<f64> = coarse.triangles.iter().map(|t| quality(coarse, *t)).collect();
         quality.sort_by(f64::total_cmp);
         let at = |share: f64| quality[(share * (quality.len() - 1) as f64) as usize];
-        println!("    quality least {:.3}, 1 % {:.3}, 10 % {:.3}, median {:.3}", quality[0], at(0.01), at(0.1), at(0.5));
+        println!(
+            "    quality least {:.3}, 1 % {:.3}, 10 % {:.3}, median {:.3}",
+            quality[0],
+            at(0.01),
+            at(0.1),
+            at(0.5)
+        );
         println!("    {} pairs of triangles meet", diagnose(coarse)?.self_intersections);
     }
     Ok(())

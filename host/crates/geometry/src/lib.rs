@@ -45,7 +45,7 @@ pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
 pub use normals::{NormalWeighting, triangle_areas, vertex_normals};
 pub use orient_patches::{OrientedPatch, OrientedPatches, PatchVerdict, orient_patches};
 pub use self_intersections::{SelfIntersections, self_intersections};
-pub use simplify::{Simplified, SimplifyError, SimplifyOutcome, SurfacePlace, simplify};
+pub use simplify::{Simplified, SimplifyError, SimplifyOutcome, SurfacePlace, sample_surface, simplify};
 pub use sparse_matrix::{EntryOutOfRange, SparseMatrix};
 pub use topology::{
     Components, Edge, Fans, boundary_edges, connected_components, edges, non_manifold_edges, vertex_triangles,

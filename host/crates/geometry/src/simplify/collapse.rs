@@ -111,7 +111,8 @@ impl Bench {
                 // Closed over by a triangle of the other end, the two would lie on each other.
                 let rest = |u: u32| corners.contains(&u);
                 let closed = surface.star(ends[1]).any(|s| {
-                    surface.triangles[s as usize].iter().filter(|&&v| v != ends[1] && rest(v) && v != ends[0]).count() == 2
+                    surface.triangles[s as usize].iter().filter(|&&v| v != ends[1] && rest(v) && v != ends[0]).count()
+                        == 2
                 });
                 if closed {
                     return Err(Refusal::Topology);
@@ -219,7 +220,8 @@ impl Bench {
                 |other| {
                     pairs += 1;
                     let is_new = star.binary_search(&other).is_err() || later.binary_search(&other).is_ok();
-                    if is_new && Bounds::around(&surface.corners(other)).overlaps(&bounds) && meet(&this, &facet(other)) {
+                    if is_new && Bounds::around(&surface.corners(other)).overlaps(&bounds) && meet(&this, &facet(other))
+                    {
                         met.set(met.get() + 1);
                     }
                 },

@@ -8,6 +8,7 @@ mod collapse;
 pub(crate) mod place;
 mod quadric;
 mod queue;
+mod sample;
 mod surface;
 mod thickness;
 
@@ -16,6 +17,8 @@ use std::ops::ControlFlow;
 use glam::DVec3;
 
 use crate::{MeshError, TriangleMesh};
+pub use sample::sample_surface;
+
 use place::Given;
 use quadric::Quadric;
 use queue::{Collapser, Ended};
@@ -106,8 +109,8 @@ pub enum SimplifyError {
 /// triangles with equal corners and repeated triangles left out, and open and non-manifold edges kept as such.
 ///
 /// Pieces stay pieces, holes stay holes, and pairs of triangles that meet (see [`crate::self_intersections`]) do not
-/// become more, except by the rounding of nothing: coordinates of the result are exactly those tested. `progress` is
-/// told the fraction done and cancels by [`ControlFlow::Break`]. The result does not depend on the number of threads.
+/// become more. `progress` is told the fraction done and cancels by [`ControlFlow::Break`]. The result does not
+/// depend on the number of threads.
 pub fn simplify(
     mesh: &TriangleMesh,
     vertices: usize,

@@ -26,10 +26,8 @@ pub(super) struct Given {
 /// The place on `coarse` of each vertex and its distance from there. Vertices without triangle take the nearest.
 pub(super) fn places(coarse: &TriangleMesh, given: &[Given]) -> Result<Vec<(SurfacePlace, f64)>, MeshError> {
     let fans = vertex_triangles(coarse.vertices.len(), &coarse.triangles);
-    let everywhere = match given.iter().any(|g| g.start == NONE) {
-        true => Some(TriangleHierarchy::new(coarse)?),
-        false => None,
-    };
+    let is_stray = given.iter().any(|g| g.start == NONE);
+    let everywhere = if is_stray { Some(TriangleHierarchy::new(coarse)?) } else { None };
     Ok(given.par_iter().map(|vertex| place_of(coarse, &fans, everywhere.as_ref(), vertex)).collect())
 }
 

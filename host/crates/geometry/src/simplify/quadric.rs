@@ -66,10 +66,8 @@ impl Quadric {
 
     fn plane_cost(&self, x: DVec3) -> f64 {
         let [xx, yy, zz, xy, xz, yz] = self.a;
-        let quadratic = xx * x.x * x.x
-            + yy * x.y * x.y
-            + zz * x.z * x.z
-            + 2.0 * (xy * x.x * x.y + xz * x.x * x.z + yz * x.y * x.z);
+        let quadratic =
+            xx * x.x * x.x + yy * x.y * x.y + zz * x.z * x.z + 2.0 * (xy * x.x * x.y + xz * x.x * x.z + yz * x.y * x.z);
         (quadratic + 2.0 * self.b.dot(x) + self.c).max(0.0)
     }
 

@@ -24,17 +24,23 @@ pub(super) struct Ended {
 
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    cost: f64,
+    /// In single precision: the queue is as large as the mesh, and small entries are what makes it quick.
+    cost: f32,
     ends: [u32; 2],
-    /// Sum of how often the ends had changed when this was entered.
+    /// Sum of how often the ends had changed when this was entered, above two bits of attempt.
     version: u32,
-    attempt: u8,
+}
+
+impl Entry {
+    fn attempt(&self) -> u8 {
+        (self.version & 3) as u8
+    }
 }
 
 impl Ord for Entry {
     /// The greatest is the cheapest, the last word being the edge's, so that no two are equal by accident.
     fn cmp(&self, other: &Self) -> Ordering {
-        let key = |e: &Self| (e.ends, e.attempt, e.version);
+        let key = |e: &Self| (e.ends, e.version);
         other.cost.total_cmp(&self.cost).then_with(|| key(other).cmp(&key(self)))
     }
 }
@@ -89,7 +95,7 @@ impl<'a> Collapser<'a> {
                 && let Some(entry) = self.heap.pop()
             {
                 popped += 1;
-                if popped % 1024 == 0 && !report(self.surface.live_vertices) {
+                if popped.is_multiple_of(1024) && !report(self.surface.live_vertices) {
                     return Ended { cancelled: true, ..ended };
                 }
                 if bench.pairs > most_pairs {
@@ -99,8 +105,8 @@ impl<'a> Collapser<'a> {
                     Ok(()) | Err(Refusal::Stale) => {}
                     Err(Refusal::Topology) => ended.refused_by_topology += 1,
                     Err(Refusal::Geometry) => {
-                        ended.refused_by_geometry += usize::from(entry.attempt == 0);
-                        self.enter(entry.ends, entry.attempt + 1);
+                        ended.refused_by_geometry += usize::from(entry.attempt() == 0);
+                        self.enter(entry.ends, entry.attempt() + 1);
                     }
                 }
             }
@@ -115,13 +121,16 @@ impl<'a> Collapser<'a> {
 
     fn try_edge(&mut self, bench: &mut Bench, entry: &Entry) -> Result<(), Refusal> {
         let [kept, lost] = entry.ends;
-        if self.version(entry.ends) != entry.version || self.into[kept as usize] != kept || self.into[lost as usize] != lost {
+        if self.version(entry.ends) != entry.version >> 2
+            || self.into[kept as usize] != kept
+            || self.into[lost as usize] != lost
+        {
             return Err(Refusal::Stale);
         }
         let joined = self.quadrics[kept as usize].joined(&self.quadrics[lost as usize]);
-        let Some((_, place)) = self.placement(entry.ends, &joined, entry.attempt) else { return Err(Refusal::Stale) };
+        let Some((_, place)) = self.placement(entry.ends, &joined, entry.attempt()) else { return Err(Refusal::Stale) };
         let gap = self.gaps[kept as usize].min(self.gaps[lost as usize]);
-        if entry.attempt == 0 {
+        if entry.attempt() == 0 {
             bench.keeps_topology(self.surface, entry.ends)?;
         }
         if leaves_gap(&joined, place, self.surface.centre, gap) {
@@ -162,7 +171,7 @@ impl<'a> Collapser<'a> {
     fn entry(&self, ends: [u32; 2], attempt: u8) -> Option<Entry> {
         let joined = self.quadrics[ends[0] as usize].joined(&self.quadrics[ends[1] as usize]);
         let (cost, _) = self.placement(ends, &joined, attempt)?;
-        Some(Entry { cost, ends, version: self.version(ends), attempt })
+        Some(Entry { cost: cost as f32, ends, version: self.version(ends) << 2 | u32::from(attempt) })
     }
 
     fn placement(&self, ends: [u32; 2], joined: &Quadric, attempt: u8) -> Option<(f64, glam::DVec3)> {

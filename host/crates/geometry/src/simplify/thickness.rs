@@ -51,7 +51,8 @@ fn meets(bounds: &Bounds, from: DVec3, inverse: DVec3, nearest: f64) -> bool {
             }
             continue;
         }
-        let (a, b) = ((bounds.low[axis] - from[axis]) * inverse[axis], (bounds.high[axis] - from[axis]) * inverse[axis]);
+        let (a, b) =
+            ((bounds.low[axis] - from[axis]) * inverse[axis], (bounds.high[axis] - from[axis]) * inverse[axis]);
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }
