@@ -18,6 +18,7 @@ mod mesh;
 mod normals;
 mod orient_patches;
 mod predicates;
+mod segmentation;
 mod self_intersections;
 mod sides;
 mod simplify;
@@ -44,6 +45,10 @@ pub use lumped_mass::{Lumping, lumped_mass, lumped_mass_of_triangles, lumped_mas
 pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
 pub use normals::{NormalWeighting, triangle_areas, vertex_normals};
 pub use orient_patches::{OrientedPatch, OrientedPatches, PatchVerdict, orient_patches};
+pub use segmentation::{
+    ElementWinding, ElementWindingSettings, Label, Segmentation, SegmentationError, SegmentationSettings,
+    element_winding, graph_cut, graph_cut_with_forced_labels,
+};
 pub use self_intersections::{SelfIntersections, self_intersections};
 pub use simplify::{Simplified, SimplifyError, SimplifyOutcome, SurfacePlace, sample_surface, simplify};
 pub use sparse_matrix::{EntryOutOfRange, SparseMatrix};

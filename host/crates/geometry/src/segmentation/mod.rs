@@ -1,0 +1,15 @@
+//! Which elements of a tessellation are inside a surface (thesis 8.5).
+//!
+//! [`element_winding`](element_winding::element_winding) integrates the winding number over each element,
+//! [`graph_cut`](graph_cut::graph_cut) turns it into labels that respect it and are coherent.
+
+mod element_winding;
+mod energy;
+mod graph_cut;
+mod max_flow;
+mod quadrature;
+
+pub use element_winding::{ElementWinding, ElementWindingSettings, element_winding};
+pub use graph_cut::{
+    Label, Segmentation, SegmentationError, SegmentationSettings, graph_cut, graph_cut_with_forced_labels,
+};
