@@ -2,13 +2,17 @@
 //! `cargo run --release -p armature-geometry --example simplify -- MESH [VERTICES]...`.
 //!
 //! MESH is an OBJ or OFF file. Distances are shares of the diagonal of the box around the mesh, both ways: from the
-//! given vertices to the coarse surface, and from points spread on the coarse surface to the given one. Runs on one
+//! given vertices to the coarse surface, and from points spread on the coarse surface to the given one. Then the given
+//! vertices are located in those Delaunay tetrahedra of the coarse ones that are inside, a rough volume. Runs on one
 //! thread if `RAYON_NUM_THREADS=1`.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use armature_geometry::{TriangleHierarchy, TriangleMesh, diagnose, simplify};
+use armature_geometry::{
+    FastWindingNumber, TetrahedralMesh, TriangleHierarchy, TriangleMesh, delaunay_tetrahedra, diagnose, embed_points,
+    simplify,
+};
 use glam::DVec3;
 
 #[path = "../tests/support/mod.rs"]
@@ -46,8 +50,32 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             at(0.5)
         );
         println!("    {} pairs of triangles meet", diagnose(coarse)?.self_intersections);
+        let volume = rough_volume(coarse)?;
+        let hints = simplified.hints(Some);
+        let start = Instant::now();
+        let embedding = embed_points(&volume, &mesh.vertices, Some(&hints))?;
+        let seconds = start.elapsed().as_secs_f64();
+        let farthest = embedding.distance.iter().fold(0.0, |most: f64, d| most.max(*d)) / diagonal;
+        let outside = embedding.distance.iter().filter(|d| **d > 0.0).count();
+        println!(
+            "    located in {} tetrahedra: {seconds:.3} s, {outside} outside, by {farthest:.2e} at most, {} without hint",
+            volume.tetrahedra.len(),
+            embedding.searched_everywhere
+        );
     }
     Ok(())
+}
+
+/// The Delaunay tetrahedra whose middles are inside.
+fn rough_volume(surface: &TriangleMesh) -> Result<TetrahedralMesh, Box<dyn std::error::Error>> {
+    let all = delaunay_tetrahedra(&surface.vertices, &mut |_| ControlFlow::Continue(()))?.tetrahedra;
+    let middle = |t: &[u32; 4]| {
+        (0.25 * t.map(|v| DVec3::from(surface.vertices[v as usize])).into_iter().sum::<DVec3>()).to_array()
+    };
+    let winding = FastWindingNumber::precompute(surface)?;
+    let numbers = winding.evaluate_many(&all.iter().map(middle).collect::<Vec<_>>());
+    let tetrahedra = all.into_iter().zip(numbers).filter(|(_, number)| *number > 0.5).map(|(t, _)| t).collect();
+    Ok(TetrahedralMesh { vertices: surface.vertices.clone(), tetrahedra })
 }
 
 /// Mean and largest distance from points on `coarse` to `mesh`.

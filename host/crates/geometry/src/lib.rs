@@ -7,6 +7,7 @@ mod box_tree;
 mod cotangent_laplacian;
 mod delaunay;
 mod diagnose;
+mod embed;
 mod fast_winding_number;
 mod fast_winding_number_2d;
 mod flipped_components;
@@ -35,6 +36,7 @@ pub use cotangent_laplacian::{
 };
 pub use delaunay::{DelaunayError, DelaunayTetrahedra, delaunay_tetrahedra};
 pub use diagnose::{Diagnosis, diagnose};
+pub use embed::{EmbedError, Embedding, SurfacePlaceHint, embed_points};
 pub use fast_winding_number::FastWindingNumber;
 pub use fast_winding_number_2d::FastWindingNumber2d;
 pub use flipped_components::{FlippedComponents, flipped_components};
