@@ -39,6 +39,7 @@ pub mod rotation;
 mod sensors;
 #[cfg(feature = "serve")]
 pub mod serve;
+pub mod servo;
 mod settings;
 mod timeline;
 

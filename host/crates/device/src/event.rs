@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::clock::ClockEstimate;
 use crate::topology::Topology;
-use crate::{DeviceProblem, PartUid, SensorState};
+use crate::{DeviceNotice, DeviceProblem, PartUid, SensorState};
 
 /// Everything a session can report, in the order in which it happened. A recorded list of events replays a session.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +51,8 @@ pub enum Event {
     Stopped,
     /// The device has started anew; the session goes through hello and topology again by itself.
     Restarted,
+    /// Something worth telling the user, although all goes on.
+    Notice(DeviceNotice),
     /// Something is wrong. The session goes on trying unless the connection is closed.
     Problem(DeviceProblem),
 }

@@ -109,6 +109,25 @@ pub enum DeviceProblem {
         /// What the operating system said.
         reason: String,
     },
+    /// Nobody on the bus answered.
+    #[error(
+        "no servo of the {arm} answers at any of {bauds} baud: is its power supply on, is this the right port, and does \
+         --preset name the right arm? (the session keeps asking)"
+    )]
+    NoServos {
+        /// The arm.
+        arm: String,
+        /// The speeds tried.
+        bauds: String,
+    },
+    /// Servos answer, but of a kind that cannot be read.
+    #[error("the servos (model number {model}) are not those of the {arm} and count differently; check --preset")]
+    ForeignServos {
+        /// The arm.
+        arm: String,
+        /// The model number of the first of them.
+        model: u16,
+    },
     /// A simulated device has no line that this crate could open.
     #[error("sim:{name} is started by the program itself and cannot be opened as a line")]
     SimulatedHere {
