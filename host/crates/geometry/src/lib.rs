@@ -12,6 +12,7 @@ mod fast_winding_number;
 mod fast_winding_number_2d;
 mod flipped_components;
 mod hierarchy;
+mod improve;
 mod influences;
 mod intrinsic_delaunay;
 mod lumped_mass;
@@ -41,6 +42,10 @@ pub use fast_winding_number::FastWindingNumber;
 pub use fast_winding_number_2d::FastWindingNumber2d;
 pub use flipped_components::{FlippedComponents, flipped_components};
 pub use hierarchy::{ClosestPoint, SegmentHit, TriangleHierarchy, closest_on_segment};
+pub use improve::{
+    DihedralStatistics, ImproveError, ImproveOutcome, ImproveSettings, Improvement, Operations, dihedral_angles,
+    improve_tetrahedra,
+};
 pub use influences::{Influences, InfluencesError};
 pub use intrinsic_delaunay::{IntrinsicLaplacian, intrinsic_delaunay_laplacian};
 pub use lumped_mass::{Lumping, lumped_mass, lumped_mass_of_triangles, lumped_mass_tetrahedra};

@@ -1,0 +1,128 @@
+//! From plain arrays to a complex and back, with all checks.
+
+use glam::DVec3;
+
+use super::ImproveError;
+use super::complex::Complex;
+use super::facets::{Facets, NONE, facet};
+use crate::{MeshError, TetrahedralMesh};
+
+/// Slots are named in 32 bits and their facets by four times that.
+const MOST_TETRAHEDRA: usize = 1 << 28;
+/// Coordinates below this would lose bits when scaled back.
+const SMALLEST_SIZE: f64 = 1e-200;
+/// Heights below this part of the longest edge count as flat.
+const FLAT: f64 = 1e-9;
+
+pub(super) struct Prepared {
+    pub(super) complex: Complex,
+    /// Powers of two that positions were multiplied by.
+    shift: i32,
+    /// Facets of the boundary as they were, each turned to its smallest corner, sorted.
+    boundary: Vec<[u32; 3]>,
+}
+
+pub(super) struct Finished {
+    pub(super) mesh: TetrahedralMesh,
+    pub(super) unreferenced: Vec<u32>,
+    pub(super) flat_at_boundary: Vec<u32>,
+}
+
+pub(super) fn prepare(mesh: &TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]]) -> Result<Prepared, ImproveError> {
+    mesh.validate()?;
+    let vertices = mesh.vertices.len();
+    if fixed.len() != vertices {
+        return Err(ImproveError::FixedLength { given: fixed.len(), vertices });
+    }
+    if mesh.tetrahedra.len() > MOST_TETRAHEDRA || vertices > MOST_TETRAHEDRA {
+        return Err(ImproveError::TooMany { tetrahedra: mesh.tetrahedra.len(), most: MOST_TETRAHEDRA });
+    }
+    let largest = mesh.vertices.iter().flatten().fold(0.0, |most: f64, c| most.max(c.abs()));
+    if largest < SMALLEST_SIZE {
+        return Err(ImproveError::TooSmall);
+    }
+    let shift = -libm::ilogb(largest);
+    let positions = mesh.vertices.iter().map(|&p| DVec3::from(p.map(|c| libm::scalbn(c, shift)))).collect();
+    let facets = Facets::gather(vertices, &mesh.tetrahedra);
+    let neighbours = facets.neighbours(mesh.tetrahedra.len())?;
+    let mut pinned = fixed.to_vec();
+    let mut locked_sides = vec![0_u8; mesh.tetrahedra.len()];
+    for (index, &corners) in locked.iter().enumerate() {
+        let mut found = false;
+        for side in facets.sides(corners) {
+            locked_sides[side as usize / 4] |= 1 << (side % 4);
+            found = true;
+        }
+        if !found {
+            return Err(ImproveError::LockedFacetMissing { index, facet: corners });
+        }
+        corners.iter().for_each(|&v| pinned[v as usize] = true);
+    }
+    let boundary = boundary(&mesh.tetrahedra, &neighbours);
+    boundary.iter().flatten().for_each(|&v| pinned[v as usize] = true);
+    let complex = Complex::new(positions, mesh.tetrahedra.clone(), neighbours, pinned, locked_sides);
+    match mesh.tetrahedra.iter().position(|&t| !complex.is_positive(t)) {
+        Some(tetrahedron) => Err(ImproveError::NotPositive { tetrahedron }),
+        None => Ok(Prepared { complex, shift, boundary }),
+    }
+}
+
+/// Plain arrays again. Input whose tetrahedra overlap without meeting could have been made worse; so everything that was
+/// promised is checked on the result.
+pub(super) fn finish(prepared: &Prepared, mesh: &TetrahedralMesh) -> Result<Finished, ImproveError> {
+    let complex = &prepared.complex;
+    let mut vertices = mesh.vertices.clone();
+    vertices.resize(complex.positions.len(), [0.0; 3]);
+    for ((vertex, position), pinned) in vertices.iter_mut().zip(&complex.positions).zip(&complex.pinned) {
+        if !pinned {
+            *vertex = position.to_array().map(|c| libm::scalbn(c, -prepared.shift));
+        }
+    }
+    let tetrahedra: Vec<[u32; 4]> = complex.corners.iter().filter(|t| t[0] != NONE).copied().collect();
+    let neighbours = Facets::gather(vertices.len(), &tetrahedra)
+        .neighbours(tetrahedra.len())
+        .map_err(|_| ImproveError::Overlapping)?;
+    let same_boundary = boundary(&tetrahedra, &neighbours) == prepared.boundary;
+    if !same_boundary || !tetrahedra.iter().all(|&t| complex.is_positive(t)) {
+        return Err(ImproveError::Overlapping);
+    }
+    let flat_at_boundary = flat_at_boundary(complex, &tetrahedra, &neighbours);
+    let mut used = vec![false; vertices.len()];
+    tetrahedra.iter().flatten().for_each(|&v| used[v as usize] = true);
+    let mut was_used = vec![false; mesh.vertices.len()];
+    mesh.tetrahedra.iter().flatten().for_each(|&v| was_used[v as usize] = true);
+    was_used.resize(vertices.len(), true);
+    let unreferenced = (0..vertices.len() as u32).filter(|&v| was_used[v as usize] && !used[v as usize]).collect();
+    let mesh = TetrahedralMesh { vertices, tetrahedra };
+    mesh.validate().map_err(|error: MeshError| ImproveError::Mesh(error))?;
+    Ok(Finished { mesh, unreferenced, flat_at_boundary })
+}
+
+fn boundary(tetrahedra: &[[u32; 4]], neighbours: &[[u32; 4]]) -> Vec<[u32; 3]> {
+    let mut boundary = Vec::new();
+    for (&tetrahedron, across) in tetrahedra.iter().zip(neighbours) {
+        for k in (0..4).filter(|&k| across[k] == NONE) {
+            let [a, b, c] = facet(tetrahedron, k);
+            boundary.push([[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or([a, b, c]));
+        }
+    }
+    boundary.sort_unstable();
+    boundary
+}
+
+fn flat_at_boundary(complex: &Complex, tetrahedra: &[[u32; 4]], neighbours: &[[u32; 4]]) -> Vec<u32> {
+    let is_flat = |&(index, corners): &(usize, &[u32; 4])| {
+        if !neighbours[index].contains(&NONE) {
+            return false;
+        }
+        let [a, b, c, d] = corners.map(|v| complex.at(v));
+        let six_volumes = (b - a).dot((c - a).cross(d - a));
+        let edges = [b - a, c - a, d - a, c - b, d - b, d - c];
+        let longest = edges.iter().fold(0.0, |most: f64, e| most.max(e.length()));
+        // The smallest height is over the largest facet.
+        let normals = [(b - a).cross(c - a), (b - a).cross(d - a), (c - a).cross(d - a), (c - b).cross(d - b)];
+        let largest = normals.iter().fold(0.0, |most: f64, n| most.max(n.length()));
+        six_volumes <= FLAT * longest * largest
+    };
+    tetrahedra.iter().enumerate().filter(is_flat).map(|(index, _)| index as u32).collect()
+}
