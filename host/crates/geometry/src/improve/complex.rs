@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::dihedral_angles::angles;
 use super::facets::{FACETS, NONE, facet, sorted};
 use super::quality::smallest_sine;
 use crate::predicates::orientation;
@@ -84,6 +85,12 @@ impl Complex {
         orientation(&a, &b, &c, &d) > 0.0
     }
 
+    /// How many dihedral angles are below 5°.
+    pub(super) fn small_angles(&self, tetrahedra: impl Iterator<Item = [u32; 4]>) -> usize {
+        let small = |t: [u32; 4]| angles(t.map(|v| self.at(v))).iter().filter(|a| a.to_degrees() < 5.0).count();
+        tetrahedra.map(small).sum()
+    }
+
     /// Which corner of a tetrahedron a vertex is.
     pub(super) fn slot_of(&self, tetrahedron: u32, vertex: u32) -> Option<usize> {
         self.corners[tetrahedron as usize].iter().position(|&v| v == vertex)
@@ -148,6 +155,12 @@ impl Complex {
     /// ones did, once. Facets that have to stay are never lost.
     pub(super) fn replace(&mut self, old: &[u32], new: &[[u32; 4]]) -> bool {
         if !new.iter().all(|&t| self.is_positive(t)) || !self.match_sides(old, new) {
+            return false;
+        }
+        // The worst may rise while others sink: the number of angles that count may not.
+        let worst = new.iter().map(|&t| self.sine(t)).fold(f64::INFINITY, f64::min);
+        let were = old.iter().map(|&t| self.corners[t as usize]);
+        if worst < SMALL_SINE && self.small_angles(new.iter().copied()) > self.small_angles(were) {
             return false;
         }
         for &t in old {
@@ -247,3 +260,5 @@ impl Complex {
 
 /// Tetrahedra that one operation may make; an inserted vertex with 64 around it has about three times a usual star.
 pub(super) const MOST_NEW: usize = 64;
+/// A little above the sine of 5°: with a smallest sine from here up no angle is below 5°.
+pub(super) const SMALL_SINE: f64 = 0.08716;

@@ -64,7 +64,7 @@ fn largest_coordinate(mesh: &TetrahedralMesh) -> f64 {
 }
 
 /// Radians at the edges ab, ac, ad, bc, bd, cd; whether the tetrahedron is inside out does not matter.
-fn angles([a, b, c, d]: [DVec3; 4]) -> [f64; 6] {
+pub(super) fn angles([a, b, c, d]: [DVec3; 4]) -> [f64; 6] {
     let (ab, ac, ad) = (b - a, c - a, d - a);
     let (bc, bd, cd) = (c - b, d - b, d - c);
     // Outward normals, of twice the facets' areas.

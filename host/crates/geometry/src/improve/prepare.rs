@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::ImproveError;
 use super::complex::Complex;
 use super::facets::{Facets, NONE, facet};
-use crate::{MeshError, TetrahedralMesh};
+use crate::TetrahedralMesh;
+use crate::predicates::orientation;
 
 /// Slots are named in 32 bits and their facets by four times that.
 const MOST_TETRAHEDRA: usize = 1 << 28;
@@ -42,7 +43,8 @@ pub(super) fn prepare(mesh: &TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]
         return Err(ImproveError::TooSmall);
     }
     let shift = -libm::ilogb(largest);
-    let positions = mesh.vertices.iter().map(|&p| DVec3::from(p.map(|c| libm::scalbn(c, shift)))).collect();
+    let positions: Vec<DVec3> = mesh.vertices.iter().map(|&p| DVec3::from(p.map(|c| libm::scalbn(c, shift)))).collect();
+    check_orientation(&positions, &mesh.tetrahedra)?;
     let facets = Facets::gather(vertices, &mesh.tetrahedra);
     let neighbours = facets.neighbours(mesh.tetrahedra.len())?;
     let mut pinned = fixed.to_vec();
@@ -61,9 +63,17 @@ pub(super) fn prepare(mesh: &TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]
     let boundary = boundary(&mesh.tetrahedra, &neighbours);
     boundary.iter().flatten().for_each(|&v| pinned[v as usize] = true);
     let complex = Complex::new(positions, mesh.tetrahedra.clone(), neighbours, pinned, locked_sides);
-    match mesh.tetrahedra.iter().position(|&t| !complex.is_positive(t)) {
+    Ok(Prepared { complex, shift, boundary })
+}
+
+fn check_orientation(positions: &[DVec3], tetrahedra: &[[u32; 4]]) -> Result<(), ImproveError> {
+    let is_positive = |t: &[u32; 4]| {
+        let [a, b, c, d] = t.map(|v| positions[v as usize].to_array());
+        orientation(&a, &b, &c, &d) > 0.0
+    };
+    match tetrahedra.iter().position(|t| !is_positive(t)) {
         Some(tetrahedron) => Err(ImproveError::NotPositive { tetrahedron }),
-        None => Ok(Prepared { complex, shift, boundary }),
+        None => Ok(()),
     }
 }
 
@@ -94,7 +104,7 @@ pub(super) fn finish(prepared: &Prepared, mesh: &TetrahedralMesh) -> Result<Fini
     was_used.resize(vertices.len(), true);
     let unreferenced = (0..vertices.len() as u32).filter(|&v| was_used[v as usize] && !used[v as usize]).collect();
     let mesh = TetrahedralMesh { vertices, tetrahedra };
-    mesh.validate().map_err(|error: MeshError| ImproveError::Mesh(error))?;
+    mesh.validate()?;
     Ok(Finished { mesh, unreferenced, flat_at_boundary })
 }
 

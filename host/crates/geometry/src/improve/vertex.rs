@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Candidate;
-use super::complex::{Complex, MOST_NEW};
+use super::complex::{Complex, MOST_NEW, SMALL_SINE};
 use super::facets::{NONE, facet};
 use super::place_vertex::place_vertex;
 
@@ -38,8 +38,13 @@ pub(super) fn smooth_corners(complex: &mut Complex, tetrahedron: u32, enough: f6
         if placed.worst <= before + super::LEAST_GAIN {
             continue;
         }
+        let small = |complex: &Complex| match placed.worst < SMALL_SINE {
+            true => complex.small_angles(star.iter().map(|&t| complex.corners[t as usize])),
+            false => 0,
+        };
+        let were = small(complex);
         complex.positions[vertex as usize] = placed.position;
-        if !star.iter().all(|&t| complex.is_positive(complex.corners[t as usize])) {
+        if !star.iter().all(|&t| complex.is_positive(complex.corners[t as usize])) || small(complex) > were {
             complex.positions[vertex as usize] = here;
             continue;
         }
