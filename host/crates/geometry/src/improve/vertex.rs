@@ -38,9 +38,9 @@ pub(super) fn smooth_corners(complex: &mut Complex, tetrahedron: u32, enough: f6
         if placed.worst <= before + super::LEAST_GAIN {
             continue;
         }
-        let small = |complex: &Complex| match placed.worst < SMALL_SINE {
-            true => complex.small_angles(star.iter().map(|&t| complex.corners[t as usize])),
-            false => 0,
+        let may_count = placed.worst < SMALL_SINE;
+        let small = |complex: &Complex| {
+            if may_count { complex.small_angles(star.iter().map(|&t| complex.corners[t as usize])) } else { 0 }
         };
         let were = small(complex);
         complex.positions[vertex as usize] = placed.position;
