@@ -1,4 +1,5 @@
 //! Sliver removal and smoothing: what has to hold after it on all kinds of meshes, and how much better they become.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
 #[path = "support/volume.rs"]
@@ -162,7 +163,7 @@ fn locked_facets_and_fixed_vertices_stay() {
 fn slivers_of_a_nearly_exact_lattice_vanish() {
     let mut noise = support::noise();
     let points: Vec<[f64; 3]> = (0..12 * 12 * 12)
-        .map(|i| [i % 12, i / 12 % 12, i / 144].map(|c| f64::from(c)))
+        .map(|i| [i % 12, i / 12 % 12, i / 144].map(f64::from))
         .map(|p| p.map(|c| if c > 0.0 && c < 11.0 { c + 1e-7 * noise() } else { c }))
         .collect();
     let tetrahedra = delaunay_tetrahedra(&points, &mut |_| ControlFlow::Continue(())).unwrap().tetrahedra;

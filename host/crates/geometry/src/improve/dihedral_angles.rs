@@ -70,7 +70,8 @@ pub(super) fn angles([a, b, c, d]: [DVec3; 4]) -> [f64; 6] {
     // Outward normals, of twice the facets' areas.
     let [na, nb, nc, nd] = [bc.cross(bd), ad.cross(ac), ab.cross(ad), ac.cross(ab)];
     let six_volumes = nd.dot(ad).abs();
-    let at = |edge: DVec3, n: DVec3, m: DVec3| libm::atan2(six_volumes * edge.length(), -n.dot(m));
+    // Subtracted from zero: a negated zero would turn a facet without area by 180°.
+    let at = |edge: DVec3, n: DVec3, m: DVec3| libm::atan2(six_volumes * edge.length(), 0.0 - n.dot(m));
     [at(ab, nc, nd), at(ac, nb, nd), at(ad, nb, nc), at(bc, na, nd), at(bd, na, nc), at(cd, na, nb)]
 }
 
