@@ -189,11 +189,9 @@ impl Bench {
             }
             let other =
                 Changed { names: surface.triangles[t as usize], corners, normal: area_vector(&corners), bounds };
-            for changed in &self.changed {
-                if changed.bounds.overlaps(&bounds) {
-                    self.pairs += 1;
-                    met += usize::from(crosses(changed, &other));
-                }
+            for changed in self.changed.iter().filter(|changed| changed.bounds.overlaps(&bounds)) {
+                self.pairs += 1;
+                met += usize::from(crosses(changed, &other));
             }
         }
         for (index, changed) in self.changed.iter().enumerate() {
