@@ -77,8 +77,8 @@ fn check_orientation(positions: &[DVec3], tetrahedra: &[[u32; 4]]) -> Result<(),
     }
 }
 
-/// Plain arrays again. Input whose tetrahedra overlap without meeting could have been made worse; so everything that was
-/// promised is checked on the result.
+/// Plain arrays again. Input whose tetrahedra overlap without meeting could have been made worse; so everything that
+/// was promised is checked on the result.
 pub(super) fn finish(prepared: &Prepared, mesh: &TetrahedralMesh) -> Result<Finished, ImproveError> {
     let complex = &prepared.complex;
     let mut vertices = mesh.vertices.clone();
