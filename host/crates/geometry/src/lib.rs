@@ -19,6 +19,7 @@ mod lumped_mass;
 mod mesh;
 mod normals;
 mod orient_patches;
+mod planar;
 mod predicates;
 mod segmentation;
 mod self_intersections;
@@ -52,6 +53,10 @@ pub use lumped_mass::{Lumping, lumped_mass, lumped_mass_of_triangles, lumped_mas
 pub use mesh::{MeshError, TetrahedralMesh, TriangleMesh};
 pub use normals::{NormalWeighting, triangle_areas, vertex_normals};
 pub use orient_patches::{OrientedPatch, OrientedPatches, PatchVerdict, orient_patches};
+pub use planar::{
+    FlatMesh, MeshPlane, PlanarDomain, PlanarError, PlanarInput, PlanarReport, PlanarSettings, PlanarShape, Refinement,
+    planar_domain, plane_of,
+};
 pub use segmentation::{
     ElementWinding, ElementWindingSettings, Label, Segmentation, SegmentationError, SegmentationSettings,
     element_winding, graph_cut, graph_cut_with_forced_labels,
