@@ -22,6 +22,25 @@ pub struct SparseCholesky {
     values: Vec<f64>,
 }
 
+/// A fill-reducing elimination order (approximate minimum degree) of a symmetric matrix given by the pattern of its
+/// upper triangle in compressed columns: position → row of the matrix.
+pub(crate) fn elimination_order(starts: &[usize], rows: &[usize]) -> Result<Vec<usize>, CholeskyError> {
+    let count = starts.len() - 1;
+    let pattern = SymbolicSparseColMatRef::new_checked(count, count, starts, None, rows);
+    factorize_symbolic_cholesky(pattern, Side::Upper, SymmetricOrdering::Amd, CholeskySymbolicParams::default())
+        .ok()
+        .and_then(|symbolic| Some(symbolic.perm()?.arrays().0.to_vec()))
+        .ok_or(CholeskyError::OutOfMemory { rows: count })
+}
+
+/// One triangle of a symmetric matrix.
+struct Compressed<'a> {
+    starts: &'a [usize],
+    rows: &'a [usize],
+    values: &'a [f64],
+    side: Side,
+}
+
 /// Why there is no factorisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CholeskyError {
@@ -54,16 +73,28 @@ impl SparseCholesky {
         if rows != matrix.columns() {
             return Err(CholeskyError::NotSquare { rows, columns: matrix.columns() });
         }
+        let compressed = Compressed {
+            starts: matrix.column_starts(),
+            rows: matrix.row_indices(),
+            values: matrix.values(),
+            side: Side::Lower,
+        };
+        Self::factorise(compressed, SymmetricOrdering::Amd)
+    }
+
+    /// Factorises a matrix given by its upper triangle in compressed columns (rows ascending) without reordering:
+    /// for submatrices of one whose fill-reducing order is known already.
+    pub(crate) fn of_upper_in_order(starts: &[usize], rows: &[usize], values: &[f64]) -> Result<Self, CholeskyError> {
+        Self::factorise(Compressed { starts, rows, values, side: Side::Upper }, SymmetricOrdering::Identity)
+    }
+
+    fn factorise(matrix: Compressed<'_>, ordering: SymmetricOrdering<'_, usize>) -> Result<Self, CholeskyError> {
+        let rows = matrix.starts.len() - 1;
         let out_of_memory = CholeskyError::OutOfMemory { rows };
-        let pattern =
-            SymbolicSparseColMatRef::new_checked(rows, rows, matrix.column_starts(), None, matrix.row_indices());
-        let symbolic = factorize_symbolic_cholesky(
-            pattern,
-            Side::Lower,
-            SymmetricOrdering::Amd,
-            CholeskySymbolicParams::default(),
-        )
-        .map_err(|_| out_of_memory)?;
+        let pattern = SymbolicSparseColMatRef::new_checked(rows, rows, matrix.starts, None, matrix.rows);
+        let symbolic =
+            factorize_symbolic_cholesky(pattern, matrix.side, ordering, CholeskySymbolicParams::default())
+                .map_err(|_| out_of_memory)?;
         let mut values = Vec::new();
         values.try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory)?;
         values.resize(symbolic.len_val(), 0.0);
@@ -72,8 +103,8 @@ impl SparseCholesky {
         symbolic
             .factorize_numeric_llt(
                 &mut values,
-                SparseColMatRef::new(pattern, matrix.values()),
-                Side::Lower,
+                SparseColMatRef::new(pattern, matrix.values),
+                matrix.side,
                 LltRegularization::default(),
                 Par::Seq,
                 MemStack::new(&mut buffer),
@@ -81,6 +112,16 @@ impl SparseCholesky {
             )
             .map_err(|LltError::NonPositivePivot { index }| CholeskyError::NotPositiveDefinite { pivot: index })?;
         Ok(Self { symbolic, values })
+    }
+
+    /// Pattern and values of the factor, for algorithms that walk through it.
+    pub(crate) fn parts(&self) -> (&SymbolicCholesky<usize>, &[f64]) {
+        (&self.symbolic, &self.values)
+    }
+
+    /// Solves for a few right-hand sides at once, column after column, on this thread.
+    pub(crate) fn solve_here(&self, columns: &mut [f64]) -> Result<(), CholeskyError> {
+        if self.rows() == 0 { Ok(()) } else { self.solve_block(columns) }
     }
 
     /// Number of unknowns.

@@ -3,16 +3,27 @@
 //! This crate does no I/O, reads no clock and prints nothing. Long computations report progress and can be
 //! cancelled. Equal input gives equal weights whatever the number of threads.
 
+mod active_set;
+mod alternating_directions;
+mod biharmonic_check;
+mod biharmonic_energy;
 mod bone_heat;
+mod bounded_biharmonic;
 mod cholesky;
 mod heat_sources;
 mod heat_surface;
 mod heat_system;
+mod inverse_diagonal;
 mod progress;
 mod sparsify;
 mod weight_matrix;
 
+pub use biharmonic_check::BiharmonicError;
 pub use bone_heat::{BoneHeat, BoneHeatError, BoneHeatReport, BoneHeatSettings, bone_heat};
+pub use bounded_biharmonic::{
+    BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, HandleReport,
+    bounded_biharmonic_weights,
+};
 pub use cholesky::{CholeskyError, SparseCholesky};
 pub use heat_sources::{BoneSegment, Visibility};
 pub use progress::{Phase, Progress};

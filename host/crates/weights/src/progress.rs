@@ -12,6 +12,10 @@ pub enum Phase {
     Factorise,
     /// Solving for every bone.
     Solve,
+    /// Guessing which weights lie at a bound.
+    Guess,
+    /// Finding out which weights lie at a bound.
+    Exchange,
     /// Checking the solution and bringing it into shape.
     Finish,
 }
@@ -24,6 +28,8 @@ impl Phase {
             Self::Visibility => "looking for bones",
             Self::Factorise => "factorising",
             Self::Solve => "diffusing heat",
+            Self::Guess => "guessing the weights",
+            Self::Exchange => "refining the weights",
             Self::Finish => "checking the weights",
         }
     }

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use armature_geometry::TriangleMesh;
+use armature_geometry::{TetrahedralMesh, TriangleMesh};
 use armature_weights::BoneSegment;
 
 /// Path of a file in the shared data folder beside the repository; `None`, said aloud, where it is absent.
@@ -66,4 +66,60 @@ pub(crate) fn shared_character(name: &str) -> Option<(TriangleMesh, Vec<BoneSegm
     let mesh = shared_data(&format!("{name}.obj"))?;
     let skeleton = shared_data(&format!("{name}.tgf"))?;
     Some((read_obj(&mesh), read_tgf(&skeleton)))
+}
+
+/// Vertices and tetrahedra of a MESH file.
+pub(crate) fn read_medit(path: &Path) -> TetrahedralMesh {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut words = text.split_whitespace();
+    let mut mesh = TetrahedralMesh::default();
+    while let Some(word) = words.next() {
+        match word {
+            "Vertices" => {
+                for _ in 0..words.next().unwrap().parse().unwrap() {
+                    mesh.vertices.push(std::array::from_fn(|_| words.next().unwrap().parse().unwrap()));
+                    words.next();
+                }
+            }
+            "Tetrahedra" => {
+                for _ in 0..words.next().unwrap().parse().unwrap() {
+                    mesh.tetrahedra.push(std::array::from_fn(|_| words.next().unwrap().parse::<u32>().unwrap() - 1));
+                    words.next();
+                }
+            }
+            _ => {}
+        }
+    }
+    mesh
+}
+
+/// A dense array, column-major.
+pub(crate) struct Array {
+    pub(crate) columns: usize,
+    pub(crate) values: Vec<f64>,
+}
+
+/// A row-major NumPy file of f64 with two dimensions.
+pub(crate) fn read_npy(path: &Path) -> Array {
+    let (header, data) = npy_parts(path);
+    assert!(header.contains("'<f8'") && header.contains("'fortran_order': False"), "{header}");
+    let shape = header.split('(').nth(1).unwrap().split(')').next().unwrap();
+    let columns: usize = shape.split(',').nth(1).unwrap().trim().parse().unwrap();
+    let rows: Vec<f64> = data.chunks_exact(8).map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect();
+    let values = (0..columns).flat_map(|column| rows.iter().skip(column).step_by(columns).copied()).collect();
+    Array { columns, values }
+}
+
+/// A NumPy file of i64 with one dimension.
+pub(crate) fn read_npy_indices(path: &Path) -> Vec<usize> {
+    let (header, data) = npy_parts(path);
+    assert!(header.contains("'<i8'"), "{header}");
+    data.chunks_exact(8).map(|bytes| i64::from_le_bytes(bytes.try_into().unwrap()) as usize).collect()
+}
+
+fn npy_parts(path: &Path) -> (String, Vec<u8>) {
+    let bytes = std::fs::read(path).unwrap();
+    assert_eq!(&bytes[..7], b"\x93NUMPY\x01");
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    (String::from_utf8(bytes[10..10 + length].to_vec()).unwrap(), bytes[10 + length..].to_vec())
 }
