@@ -37,10 +37,9 @@ fn main() {
     };
     let mut last: Option<(_, Instant)> = None;
     let mut progress = |at: armature_weights::Progress| {
-        if last.is_none_or(|(phase, _)| phase != at.phase) {
-            if let Some((phase, since)) = last.replace((at.phase, Instant::now())) {
-                println!("{phase:?}: {:.1} ms", since.elapsed().as_secs_f64() * 1e3);
-            }
+        let entered = last.is_none_or(|(phase, _)| phase != at.phase);
+        if entered && let Some((phase, since)) = last.replace((at.phase, Instant::now())) {
+            println!("{phase:?}: {:.1} ms", since.elapsed().as_secs_f64() * 1e3);
         }
         ControlFlow::Continue(())
     };

@@ -112,7 +112,7 @@ pub(crate) fn check(problem: &BiharmonicProblem<'_>, settings: &BiharmonicSettin
     if problem.fixed.is_empty() || problem.handles == 0 {
         return Err(BiharmonicError::NoHandles);
     }
-    let wanted = problem.fixed.len().checked_mul(problem.handles).unwrap_or(usize::MAX);
+    let wanted = problem.fixed.len().saturating_mul(problem.handles);
     size("fixed_weights", problem.fixed_weights.len(), wanted)?;
     for (vertex, &mass) in problem.mass.iter().enumerate() {
         let used = problem.laplacian.column(vertex).any(|(_, value)| value != 0.0);
@@ -174,7 +174,8 @@ fn check_matrix(what: &'static str, matrix: &SparseMatrix, n: usize) -> Result<(
         for (row, value) in matrix.column(column) {
             let mirror = next[row];
             let inside = mirror < matrix.column_starts()[row + 1];
-            let mirrored = if inside && matrix.row_indices()[mirror] == column { matrix.values()[mirror] } else { f64::NAN };
+            let mirrored =
+                if inside && matrix.row_indices()[mirror] == column { matrix.values()[mirror] } else { f64::NAN };
             let allowed = 1e-9 * value.abs().max(mirrored.abs());
             // Negated, so that NaN and infinity fail too.
             if !((value - mirrored).abs() <= allowed && value.is_finite()) {

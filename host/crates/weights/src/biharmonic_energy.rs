@@ -14,6 +14,9 @@ pub(crate) struct Symmetric {
     values: Vec<f64>,
 }
 
+/// The place of a vertex that is no unknown.
+const NONE: u32 = u32::MAX;
+
 /// The quadratic energy `½ wᵀ A w - bᵀ w` of the unknowns; position `k` everywhere is the `k`-th to be eliminated.
 #[derive(Debug)]
 pub(crate) struct BiharmonicEnergy {
@@ -40,7 +43,6 @@ impl BiharmonicEnergy {
         takes_part: &[bool],
     ) -> Result<Self, CholeskyError> {
         let n = mass.len();
-        const NONE: u32 = u32::MAX;
         let mut is_fixed = vec![false; n];
         fixed.iter().for_each(|&vertex| is_fixed[vertex] = true);
         let free: Vec<u32> = (0..n as u32).filter(|&v| takes_part[v as usize] && !is_fixed[v as usize]).collect();
@@ -115,7 +117,7 @@ impl SquaredLaplacian<'_> {
         let mut matrix = Symmetric { starts: vec![0], ..Symmetric::default() };
         for &vertex in free {
             self.column(vertex as usize, &mut scratch, |row, value| {
-                if position[row] != u32::MAX {
+                if position[row] != NONE {
                     matrix.rows.push(position[row] as usize);
                     matrix.values.push(value);
                 }
@@ -130,7 +132,7 @@ impl SquaredLaplacian<'_> {
         let one = |&vertex: &usize| {
             let mut column = Vec::new();
             self.column(vertex, &mut scratch, |row, value| {
-                if position[row] != u32::MAX {
+                if position[row] != NONE {
                     column.push((position[row], value));
                 }
             });
@@ -183,7 +185,7 @@ impl Symmetric {
         let mut count = 0;
         for column in 0..self.len() {
             if !keep(column) {
-                place[column] = u32::MAX;
+                place[column] = NONE;
                 continue;
             }
             place[column] = count;
@@ -193,7 +195,7 @@ impl Symmetric {
                 if row > column {
                     break;
                 }
-                if place[row] != u32::MAX {
+                if place[row] != NONE {
                     rows.push(place[row] as usize);
                     values.push(self.values[k]);
                 }
@@ -205,13 +207,13 @@ impl Symmetric {
 
     /// Cholesky factor of the rows and columns with `keep`, in the order they stand.
     pub(crate) fn factorise_kept(&self, keep: impl Fn(usize) -> bool) -> Result<SparseCholesky, CholeskyError> {
-        let (starts, rows, values) = self.upper_of(keep, &mut vec![u32::MAX; self.len()]);
+        let (starts, rows, values) = self.upper_of(keep, &mut vec![NONE; self.len()]);
         SparseCholesky::of_upper_in_order(&starts, &rows, &values)
     }
 
     /// Cholesky factor of `A + diag(shift)`; no shift at all is given by an empty slice.
     pub(crate) fn factorise_shifted(&self, shift: &[f64]) -> Result<SparseCholesky, CholeskyError> {
-        let (starts, rows, mut values) = self.upper_of(|_| true, &mut vec![u32::MAX; self.len()]);
+        let (starts, rows, mut values) = self.upper_of(|_| true, &mut vec![NONE; self.len()]);
         for (column, &shift) in shift.iter().enumerate() {
             // The diagonal is stored, and is the last of an upper triangle's column.
             values[starts[column + 1] - 1] += shift;

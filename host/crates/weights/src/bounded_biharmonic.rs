@@ -118,7 +118,7 @@ const BLOCK: usize = 5;
 
 /// The guess's stiffness ρ in units of the mean Rayleigh quotient of the unbounded weights, `Σ wᵀAw / Σ wᵀMw`.
 /// Tuned on hand.mesh.
-const STIFFNESS: f64 = 100.0;
+const STIFFNESS: f64 = 30.0;
 
 /// An exchange that does not bring the gap below this fraction of the best so far has not paid ...
 const PAYS: f64 = 0.5;
@@ -152,7 +152,7 @@ pub fn bounded_biharmonic_weights(
     let unbounded = unbounded(&energy, &right)?;
     let stiffness = STIFFNESS * rayleigh_quotient(problem, &energy, &unbounded);
     let directions = AlternatingDirections::new(&energy, stiffness)?;
-    let mut solves = guess(&directions, &right, unbounded, settings.guess_steps)?;
+    let mut solves = guess(&directions, &right, &unbounded, settings.guess_steps)?;
     let goal = Goal { settings, largest_inverse };
     let active_set = ActiveSet::new(&energy);
     let count = solves.len().max(1) as f64;
@@ -280,7 +280,7 @@ fn rayleigh_quotient(problem: &BiharmonicProblem<'_>, energy: &BiharmonicEnergy,
 fn guess(
     directions: &AlternatingDirections<'_>,
     right: &[RightHandSide],
-    unbounded: Vec<Vec<f64>>,
+    unbounded: &[Vec<f64>],
     steps: usize,
 ) -> Result<Vec<HandleSolve>, CholeskyError> {
     let one = |(block, right): (&[Vec<f64>], &[RightHandSide])| {
@@ -354,9 +354,9 @@ impl BiharmonicProblem<'_> {
     fn energy(&self, weights: &[f64]) -> f64 {
         let curvature = self.laplacian.multiply(weights);
         let squares = curvature.iter().zip(self.mass).filter(|(c, _)| **c != 0.0).map(|(c, m)| c * c / m);
-        let kept = self.shape_preservation.map_or(0.0, |k| {
-            k.multiply(weights).iter().zip(weights).map(|(gradient, weight)| gradient * weight).sum()
-        });
+        let kept = self
+            .shape_preservation
+            .map_or(0.0, |k| k.multiply(weights).iter().zip(weights).map(|(gradient, weight)| gradient * weight).sum());
         0.5 * (squares.sum::<f64>() + kept)
     }
 }

@@ -34,6 +34,7 @@ pub(crate) fn elimination_order(starts: &[usize], rows: &[usize]) -> Result<Vec<
 }
 
 /// One triangle of a symmetric matrix.
+#[derive(Clone, Copy)]
 struct Compressed<'a> {
     starts: &'a [usize],
     rows: &'a [usize],
@@ -92,9 +93,8 @@ impl SparseCholesky {
         let rows = matrix.starts.len() - 1;
         let out_of_memory = CholeskyError::OutOfMemory { rows };
         let pattern = SymbolicSparseColMatRef::new_checked(rows, rows, matrix.starts, None, matrix.rows);
-        let symbolic =
-            factorize_symbolic_cholesky(pattern, matrix.side, ordering, CholeskySymbolicParams::default())
-                .map_err(|_| out_of_memory)?;
+        let symbolic = factorize_symbolic_cholesky(pattern, matrix.side, ordering, CholeskySymbolicParams::default())
+            .map_err(|_| out_of_memory)?;
         let mut values = Vec::new();
         values.try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory)?;
         values.resize(symbolic.len_val(), 0.0);

@@ -99,7 +99,7 @@ pub(crate) struct Array {
     pub(crate) values: Vec<f64>,
 }
 
-/// A row-major NumPy file of f64 with two dimensions.
+/// A row-major npy file of f64 with two dimensions.
 pub(crate) fn read_npy(path: &Path) -> Array {
     let (header, data) = npy_parts(path);
     assert!(header.contains("'<f8'") && header.contains("'fortran_order': False"), "{header}");
@@ -110,7 +110,7 @@ pub(crate) fn read_npy(path: &Path) -> Array {
     Array { columns, values }
 }
 
-/// A NumPy file of i64 with one dimension.
+/// An npy file of i64 with one dimension.
 pub(crate) fn read_npy_indices(path: &Path) -> Vec<usize> {
     let (header, data) = npy_parts(path);
     assert!(header.contains("'<i8'"), "{header}");
