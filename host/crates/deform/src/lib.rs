@@ -1,8 +1,23 @@
-//! Skinning: where every vertex goes when the bones move.
+//! Skinning: where every vertex goes when the bones move, and where bones go that nobody has moved.
 //!
 //! What repeats per frame is split in two: a `precompute` that is built once for a character and a `solve` that
 //! runs every frame and allocates nothing. Pose time is `f32`. This crate does no I/O and reads no clock.
 
+mod arap_constraints;
+mod arap_energy;
+mod arap_reduction;
+mod arap_solve;
+mod dense;
 mod linear_blend_skinning;
+mod nearest_rotation;
+mod reduced_arap;
+mod rotation_clusters;
+mod widest;
 
+pub use arap_energy::ArapEnergy;
 pub use linear_blend_skinning::{LinearBlendSkin, SkinError};
+pub use nearest_rotation::{LANES, Matrices, nearest_rotations};
+pub use reduced_arap::{
+    Anchor, ArapError, ArapOutcome, ArapReport, ArapSettings, ArapShape, ArapStop, ArapWarnings, HandleConstraint,
+    ReducedArap, SharedJoint,
+};

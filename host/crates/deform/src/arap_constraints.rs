@@ -1,0 +1,192 @@
+//! Which transformations are known, which equations hold between the others, and the inverse that answers for the
+//! rest (thesis eqs. 7.3 and 7.19).
+
+use crate::arap_reduction::Reduction;
+use crate::dense::{Dense, eliminate, pivoted_cholesky};
+use crate::nearest_rotation::LANES;
+use crate::reduced_arap::{Anchor, ArapError, HandleConstraint, homogeneous};
+
+/// Part of its own stiffness under which a motion counts as undecided.
+const UNDECIDED: f64 = 1e-11;
+/// Part of the whole shape's stiffness under which a motion's own is rounding.
+const ROUNDING: f64 = 1e-13;
+
+/// Where the right-hand side of an equation comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Source {
+    /// The position of a handle's point.
+    Handle(usize),
+    /// The target of an anchor.
+    Anchor(usize),
+    /// Zero: two handles agree.
+    Joint,
+    /// What the rest pose has there: a motion that nothing decides.
+    Rest([f64; 3]),
+}
+
+/// The global step for one set of constraints: `T_open = Γ Rᵀ + targets_to_open · p − known_to_open · T_known`.
+///
+/// Equations are eliminated by an orthonormal basis of what they leave open rather than by multipliers, so that
+/// redundant and contradictory ones do no harm.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct System {
+    pub(crate) constraints: Vec<HandleConstraint>,
+    /// Rows of `T` that are given, and those that are sought.
+    pub(crate) known: Vec<usize>,
+    pub(crate) open: Vec<usize>,
+    /// c×4m.
+    pub(crate) equations: Dense,
+    pub(crate) sources: Vec<Source>,
+    pub(crate) targets_to_open: Dense,
+    pub(crate) known_to_open: Dense,
+    /// `Γ`, open×3r.
+    pub(crate) rotations_to_open: Dense,
+    /// `K̃ Γ`, block by block: for each of the 3r columns the three rows of eight clusters.
+    pub(crate) panels: Vec<[[f32; LANES]; 3]>,
+    /// Motions that nothing decides, in each coordinate.
+    pub(crate) undetermined: usize,
+}
+
+impl System {
+    pub(crate) fn new(
+        reduction: &Reduction,
+        constraints: &[HandleConstraint],
+        anchors: &[Anchor],
+    ) -> Result<Self, ArapError> {
+        check_anchors(anchors, reduction.rows.vertex_count())?;
+        let rows = 4 * reduction.handle_count;
+        let is_known = |row: usize| match constraints[row / 4] {
+            HandleConstraint::Full => true,
+            HandleConstraint::Orientation => row % 4 < 3,
+            // A flat shape never moves along z.
+            HandleConstraint::Position | HandleConstraint::Free => reduction.planar && row % 4 == 2,
+        };
+        let (known, open): (Vec<usize>, Vec<usize>) = (0..rows).partition(|&row| is_known(row));
+        let mut system = Self { constraints: constraints.to_vec(), known, open, ..Self::default() };
+        system.gather_equations(reduction, anchors);
+        let mut inverse = system.invert(reduction);
+        if inverse.undecided.rows > 0 {
+            system.undetermined = inverse.undecided.rows;
+            system.hold_at_rest(reduction, &inverse.undecided);
+            inverse = system.invert(reduction);
+        }
+        system.collapse(reduction, &inverse);
+        Ok(system)
+    }
+
+    pub(crate) fn equation_count(&self) -> usize {
+        self.equations.rows
+    }
+
+    fn gather_equations(&mut self, reduction: &Reduction, anchors: &[Anchor]) {
+        let rows = 4 * reduction.handle_count;
+        self.equations = Dense::zeros(0, rows);
+        for (handle, constraint) in self.constraints.iter().enumerate() {
+            if *constraint == HandleConstraint::Position {
+                let mut row = vec![0.0; rows];
+                let point = homogeneous(reduction.normalised(reduction.handle_points[handle]));
+                row[4 * handle..4 * handle + 4].copy_from_slice(&point);
+                self.equations.push_row(&row);
+                self.sources.push(Source::Handle(handle));
+            }
+        }
+        for (number, anchor) in anchors.iter().enumerate() {
+            self.equations.push_row(&reduction.anchor_row(anchor));
+            self.sources.push(Source::Anchor(number));
+        }
+        for joint in &reduction.joints {
+            let mut row = vec![0.0; rows];
+            let point = homogeneous(reduction.normalised(joint.point));
+            for (handle, sign) in joint.handles.into_iter().zip([1.0, -1.0]) {
+                row[4 * handle..4 * handle + 4].iter_mut().zip(point).for_each(|(to, c)| *to += sign * c);
+            }
+            self.equations.push_row(&row);
+            self.sources.push(Source::Joint);
+        }
+    }
+
+    fn invert(&self, reduction: &Reduction) -> Inverse {
+        let split = eliminate(&self.equations.select(&(0..self.equations.rows).collect::<Vec<_>>(), &self.open));
+        let stiffness = reduction.stiffness.select(&self.open, &self.open);
+        let within = split.open.times(&stiffness).times(&split.open.transpose());
+        let factor = pivoted_cholesky(&within, UNDECIDED, ROUNDING * reduction.largest_stiffness());
+        let undecided = factor.null_space().times(&split.open);
+        let permuted = split.open.select(&factor.order, &(0..self.open.len()).collect::<Vec<_>>());
+        Inverse { particular: split.particular, whitened: factor.solve_lower(&permuted), undecided }
+    }
+
+    /// One more equation for each motion that nothing decides: that it stays where it is closest to rest.
+    fn hold_at_rest(&mut self, reduction: &Reduction, undecided: &Dense) {
+        let all: Vec<usize> = (0..4 * reduction.handle_count).collect();
+        let rows = undecided.times(&reduction.closeness.select(&self.open, &all));
+        for i in 0..rows.rows {
+            let row = rows.row(i);
+            let length = crate::dense::dot(row, row).sqrt();
+            if length <= 0.0 {
+                continue;
+            }
+            let row: Vec<f64> = row.iter().map(|c| c / length).collect();
+            // At rest every handle has the identity.
+            let rest = std::array::from_fn(|axis| row.iter().skip(axis).step_by(4).sum());
+            self.equations.push_row(&row);
+            self.sources.push(Source::Rest(rest));
+        }
+    }
+
+    fn collapse(&mut self, reduction: &Reduction, inverse: &Inverse) {
+        let Inverse { particular, whitened, .. } = inverse;
+        let all_clusters: Vec<usize> = (0..reduction.covariance.rows).collect();
+        let covariance = reduction.covariance.select(&all_clusters, &self.open);
+        let half = whitened.times(&covariance.transpose());
+        let back = whitened.transpose();
+        self.rotations_to_open = back.times(&half);
+        let product = half.transpose().times(&half);
+        // (1 − Π L) C: the particular solution, relaxed.
+        let stiffness = whitened.times(&reduction.stiffness.select(&self.open, &self.open));
+        let relaxed = back.times(&stiffness.times(particular));
+        self.targets_to_open = particular.clone();
+        self.targets_to_open.data.iter_mut().zip(&relaxed.data).for_each(|(to, c)| *to -= c);
+        let all: Vec<usize> = (0..self.equations.rows).collect();
+        let coupling = whitened.times(&reduction.stiffness.select(&self.open, &self.known));
+        self.known_to_open = back.times(&coupling);
+        let through_equations = self.targets_to_open.times(&self.equations.select(&all, &self.known));
+        self.known_to_open.data.iter_mut().zip(&through_equations.data).for_each(|(to, c)| *to += c);
+        self.panels = pack(&product, reduction.cluster_count);
+    }
+}
+
+struct Inverse {
+    /// open×c.
+    particular: Dense,
+    /// `H^-½ Z`: its transpose times itself is the inverse `Π` of what the equations leave open.
+    whitened: Dense,
+    /// Motions without stiffness, row by row.
+    undecided: Dense,
+}
+
+fn pack(product: &Dense, cluster_count: usize) -> Vec<[[f32; LANES]; 3]> {
+    let mut panels = Vec::with_capacity(cluster_count.div_ceil(LANES) * product.columns);
+    for first in (0..cluster_count).step_by(LANES) {
+        for column in 0..product.columns {
+            panels.push(std::array::from_fn(|axis| {
+                std::array::from_fn(|lane| {
+                    let cluster = first + lane;
+                    if cluster < cluster_count { product.at(3 * cluster + axis, column) as f32 } else { 0.0 }
+                })
+            }));
+        }
+    }
+    panels
+}
+
+fn check_anchors(anchors: &[Anchor], vertex_count: usize) -> Result<(), ArapError> {
+    for (index, anchor) in anchors.iter().enumerate() {
+        if let Some(&vertex) = anchor.vertices.iter().find(|v| **v as usize >= vertex_count) {
+            return Err(ArapError::VertexOutOfRange { element: index, vertex, vertex_count });
+        }
+        if !anchor.barycentric.iter().all(|b| b.abs() <= 1e6) {
+            return Err(ArapError::NotFinite { what: "anchor", index });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,273 @@
+//! The energy of a shape as a quadratic form of its handles' transformations (thesis eq. 7.15).
+
+use std::ops::ControlFlow;
+
+use glam::Vec3;
+
+use crate::arap_energy::EdgeSets;
+use crate::dense::Dense;
+use crate::reduced_arap::{Anchor, ArapError, ArapSettings, ArapShape, SharedJoint, homogeneous};
+use crate::rotation_clusters::rotation_clusters;
+
+/// Everything about a shape that no constraint changes, in coordinates in which it has its centre at the origin and
+/// a radius of about one. `T` stacks the transposed 3×4 transformations, 4m×3.
+#[derive(Clone, Debug)]
+pub(crate) struct Reduction {
+    pub(crate) handle_count: usize,
+    pub(crate) cluster_count: usize,
+    pub(crate) planar: bool,
+    /// normalised = (position - centre) / size
+    pub(crate) centre: [f64; 3],
+    pub(crate) size: f64,
+    /// From the normalised energy to the shape's own units.
+    pub(crate) energy_unit: f64,
+    /// `L̃ = Mᵀ L M`, 4m×4m.
+    pub(crate) stiffness: Dense,
+    /// `K̃ = K M`, 3r×4m.
+    pub(crate) covariance: Dense,
+    /// `½ Σ c ‖v_i − v_j‖²`.
+    pub(crate) constant: f64,
+    /// `Mᵀ mass M` and a little of the identity: how far a pose is from rest, for what nothing else decides.
+    pub(crate) closeness: Dense,
+    pub(crate) degenerate: usize,
+    pub(crate) weightless: Vec<usize>,
+    pub(crate) handle_points: Vec<[f64; 3]>,
+    pub(crate) joints: Vec<SharedJoint>,
+    pub(crate) rows: LinearBlendRows,
+}
+
+/// The rows of `M` by vertex: the handles with their weights, and the normalised position.
+#[derive(Clone, Debug)]
+pub(crate) struct LinearBlendRows {
+    starts: Vec<usize>,
+    influences: Vec<(u32, f64)>,
+    positions: Vec<[f64; 3]>,
+}
+
+/// Part of the identity beside the mass matrix: enough to decide for handles without weight, too little to be felt
+/// by the others.
+const IDENTITY_SHARE: f64 = 1e-6;
+/// Edges between two calls of the progress callback.
+const STRIDE: usize = 1 << 14;
+
+impl LinearBlendRows {
+    fn new(positions: Vec<[f64; 3]>, weights: &[f64], handle_count: usize) -> Self {
+        let mut rows = Self { starts: vec![0], influences: Vec::new(), positions };
+        for row in weights.chunks_exact(handle_count) {
+            rows.influences.extend((0_u32..).zip(row).filter(|(_, w)| **w != 0.0).map(|(h, &w)| (h, w)));
+            rows.starts.push(rows.influences.len());
+        }
+        rows
+    }
+
+    /// Adds a multiple of a vertex's row.
+    pub(crate) fn add(&self, vertex: usize, factor: f64, to: &mut [f64]) {
+        let point = homogeneous(self.positions[vertex]);
+        for &(handle, weight) in self.of(vertex) {
+            let weight = factor * weight;
+            let four = &mut to[4 * handle as usize..4 * handle as usize + 4];
+            four.iter_mut().zip(point).for_each(|(to, c)| *to += weight * c);
+        }
+    }
+
+    fn of(&self, vertex: usize) -> &[(u32, f64)] {
+        &self.influences[self.starts[vertex]..self.starts[vertex + 1]]
+    }
+
+    pub(crate) fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+}
+
+impl Reduction {
+    pub(crate) fn normalised(&self, point: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| (point[axis] - self.centre[axis]) / self.size)
+    }
+
+    pub(crate) fn rest_anchor(&self, anchor: &Anchor) -> Vec3 {
+        let mut point = [0.0; 3];
+        for (&vertex, weight) in anchor.vertices.iter().zip(anchor.barycentric) {
+            let at = self.rows.positions[vertex as usize];
+            (0..3).for_each(|axis| point[axis] += weight * (at[axis] * self.size + self.centre[axis]));
+        }
+        Vec3::from_array(point.map(|c| c as f32))
+    }
+
+    pub(crate) fn largest_stiffness(&self) -> f64 {
+        (0..self.stiffness.rows).fold(0.0, |largest, i| largest.max(self.stiffness.at(i, i)))
+    }
+
+    /// The equation (one row of `M_eq`) that holds an anchor.
+    pub(crate) fn anchor_row(&self, anchor: &Anchor) -> Vec<f64> {
+        let mut row = vec![0.0; 4 * self.handle_count];
+        for (&vertex, weight) in anchor.vertices.iter().zip(anchor.barycentric) {
+            self.rows.add(vertex as usize, weight, &mut row);
+        }
+        row
+    }
+}
+
+pub(crate) fn reduce(
+    shape: &ArapShape,
+    settings: &ArapSettings,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Reduction, ArapError> {
+    let handle_count = shape.handle_points.len();
+    let (centre, size) = centre_and_size(shape.positions);
+    let mut normalised: Vec<[f64; 3]> =
+        shape.positions.iter().map(|p| std::array::from_fn(|axis| (p[axis] - centre[axis]) / size)).collect();
+    if shape.energy.is_planar() {
+        normalised.iter_mut().for_each(|p| p[2] = 0.0);
+    }
+    let sets = shape.energy.edge_sets(&normalised);
+    let (cluster_of, cluster_count) = clusters_of_sets(&sets, shape.weights, handle_count, settings);
+    proceed(progress, 0.2)?;
+    let mut used = vec![false; handle_count];
+    shape.weights.chunks_exact(handle_count).for_each(|row| {
+        used.iter_mut().zip(row).for_each(|(used, w)| *used |= *w != 0.0);
+    });
+    let mut reduction = Reduction {
+        handle_count,
+        cluster_count,
+        planar: shape.energy.is_planar(),
+        centre,
+        size,
+        energy_unit: size.powi(shape.energy.length_power()),
+        stiffness: Dense::zeros(4 * handle_count, 4 * handle_count),
+        covariance: Dense::zeros(3 * cluster_count, 4 * handle_count),
+        constant: 0.0,
+        closeness: Dense::zeros(4 * handle_count, 4 * handle_count),
+        degenerate: sets.degenerate,
+        weightless: (0..handle_count).filter(|&h| !used[h]).collect(),
+        handle_points: shape.handle_points.to_vec(),
+        joints: shape.joints.to_vec(),
+        rows: LinearBlendRows::new(normalised, shape.weights, handle_count),
+    };
+    reduction.add_covariances(&sets, &cluster_of, progress)?;
+    reduction.add_stiffness(&sets, progress)?;
+    reduction.add_closeness(&sets.mass);
+    proceed(progress, 0.95)?;
+    Ok(reduction)
+}
+
+fn proceed(progress: &mut dyn FnMut(f64) -> ControlFlow<()>, part: f64) -> Result<(), ArapError> {
+    if progress(part).is_break() { Err(ArapError::Cancelled) } else { Ok(()) }
+}
+
+/// Middle and half diagonal of the bounding box; a shape that is a point keeps its size.
+fn centre_and_size(positions: &[[f64; 3]]) -> ([f64; 3], f64) {
+    let mut low = [f64::INFINITY; 3];
+    let mut high = [f64::NEG_INFINITY; 3];
+    for p in positions {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(p[axis]);
+            high[axis] = high[axis].max(p[axis]);
+        }
+    }
+    let centre = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+    let size = (0..3).map(|axis| (0.5 * (high[axis] - low[axis])).powi(2)).sum::<f64>().sqrt();
+    (centre, if size > 1e-30 { size } else { 1.0 })
+}
+
+fn clusters_of_sets(
+    sets: &EdgeSets,
+    weights: &[f64],
+    handle_count: usize,
+    settings: &ArapSettings,
+) -> (Vec<u32>, usize) {
+    let wanted = settings.clusters.unwrap_or(2 * handle_count).max(1);
+    let mut features = vec![0.0; sets.corners.len() * handle_count];
+    for (feature, corners) in features.chunks_exact_mut(handle_count).zip(&sets.corners) {
+        for &corner in &corners[..sets.corner_count] {
+            let row = &weights[corner as usize * handle_count..(corner as usize + 1) * handle_count];
+            crate::dense::add_multiple(feature, 1.0 / sets.corner_count as f64, row);
+        }
+    }
+    rotation_clusters(&features, handle_count, wanted, settings.seed)
+}
+
+impl Reduction {
+    /// `K̃`: every edge's rest vector times the difference of its ends' rows, by cluster.
+    fn add_covariances(
+        &mut self,
+        sets: &EdgeSets,
+        cluster_of: &[u32],
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<(), ArapError> {
+        for (number, edge) in sets.edges.iter().enumerate() {
+            if number % STRIDE == 0 {
+                proceed(progress, 0.2 + 0.3 * number as f64 / sets.edges.len() as f64)?;
+            }
+            let cluster = cluster_of[edge.set as usize] as usize;
+            let [i, j] = edge.ends.map(|v| v as usize);
+            for axis in 0..3 {
+                let along = self.rows.positions[i][axis] - self.rows.positions[j][axis];
+                self.constant += 0.5 * edge.weight * along * along;
+                let row = self.covariance.row_mut(3 * cluster + axis);
+                self.rows.add(i, edge.weight * along, row);
+                self.rows.add(j, -edge.weight * along, row);
+            }
+        }
+        Ok(())
+    }
+
+    /// `L̃`: the outer product of the difference of its ends' rows, edge by edge.
+    fn add_stiffness(
+        &mut self,
+        sets: &EdgeSets,
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<(), ArapError> {
+        let mut unique: Vec<([u32; 2], f64)> =
+            sets.edges.iter().map(|e| ([e.ends[0].min(e.ends[1]), e.ends[0].max(e.ends[1])], e.weight)).collect();
+        unique.sort_by_key(|(ends, _)| *ends);
+        unique.dedup_by(|next, first| {
+            let same = next.0 == first.0;
+            first.1 += if same { next.1 } else { 0.0 };
+            same
+        });
+        let mut difference = vec![0.0; 4 * self.handle_count];
+        let mut handles: Vec<u32> = Vec::new();
+        for (number, (ends, weight)) in unique.iter().enumerate() {
+            if number % STRIDE == 0 {
+                proceed(progress, 0.5 + 0.4 * number as f64 / unique.len() as f64)?;
+            }
+            let [i, j] = ends.map(|v| v as usize);
+            handles.clear();
+            handles.extend(self.rows.of(i).iter().chain(self.rows.of(j)).map(|(h, _)| *h));
+            handles.sort_unstable();
+            handles.dedup();
+            self.rows.add(i, 1.0, &mut difference);
+            self.rows.add(j, -1.0, &mut difference);
+            add_outer_product(&mut self.stiffness, &difference, *weight, &handles);
+            handles.iter().for_each(|&h| difference[4 * h as usize..4 * h as usize + 4].fill(0.0));
+        }
+        Ok(())
+    }
+
+    fn add_closeness(&mut self, mass: &[f64]) {
+        let mut row = vec![0.0; 4 * self.handle_count];
+        for (vertex, &mass) in mass.iter().enumerate() {
+            let handles: Vec<u32> = self.rows.of(vertex).iter().map(|(h, _)| *h).collect();
+            self.rows.add(vertex, 1.0, &mut row);
+            add_outer_product(&mut self.closeness, &row, mass, &handles);
+            handles.iter().for_each(|&h| row[4 * h as usize..4 * h as usize + 4].fill(0.0));
+        }
+        for i in 0..4 * self.handle_count {
+            self.closeness.data[i * 4 * self.handle_count + i] += IDENTITY_SHARE;
+        }
+    }
+}
+
+/// `to += weight · row rowᵀ`, where only the entries of some handles differ from zero.
+fn add_outer_product(to: &mut Dense, row: &[f64], weight: f64, handles: &[u32]) {
+    for &a in handles {
+        for r in 4 * a as usize..4 * a as usize + 4 {
+            let factor = weight * row[r];
+            let out = to.row_mut(r);
+            for &b in handles {
+                let columns = 4 * b as usize..4 * b as usize + 4;
+                out[columns.clone()].iter_mut().zip(&row[columns]).for_each(|(to, c)| *to += factor * c);
+            }
+        }
+    }
+}

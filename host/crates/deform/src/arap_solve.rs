@@ -1,0 +1,319 @@
+//! The loop of local and global steps (thesis section 7.3.1, "Final algorithm").
+#![expect(
+    clippy::inline_always,
+    reason = "a kernel is compiled for wide registers only where it is inlined into the dispatch"
+)]
+
+use glam::{Affine3A, Vec3};
+
+use crate::arap_constraints::{Source, System};
+use crate::arap_reduction::Reduction;
+use crate::dense::dot;
+use crate::nearest_rotation::{LANES, Matrices, nearest_rotations_inlined};
+use crate::reduced_arap::{ArapOutcome, ArapReport, ArapStop, ArapWarnings, HandleConstraint, ReducedArap, State};
+use crate::widest::{Kernel, widest};
+
+/// Targets further away than this many model sizes, or larger than this in a linear part, are not followed.
+const FAR: f32 = 1e6;
+/// A miss of less than this part of the model's size (and of the distance moved) is rounding.
+const MISSED: f64 = 1e-5;
+
+impl ReducedArap {
+    pub(crate) fn local_global(
+        &mut self,
+        handle_targets: &[Affine3A],
+        anchor_targets: &[Vec3],
+        stop: ArapStop,
+    ) -> ArapReport {
+        let Self { reduction, system, state } = self;
+        let mut warnings = ArapWarnings { undetermined: 3 * system.undetermined, ..ArapWarnings::default() };
+        warnings.unusable_targets = take_targets(reduction, system, state, handle_targets, anchor_targets);
+        set_known(reduction, system, state);
+        let Solved { iterations, change, energy } = widest(Solve { reduction, system, state, stop });
+        warnings.contradiction = contradiction(reduction, system, state);
+        write_transforms(reduction, state);
+        let outcome = if change <= stop.tolerance {
+            ArapOutcome::Converged { change }
+        } else {
+            ArapOutcome::IterationLimit { change }
+        };
+        ArapReport { outcome, iterations, energy, warnings }
+    }
+}
+
+/// Replaces the stored targets by usable new ones; returns how many were not.
+fn take_targets(
+    reduction: &Reduction,
+    system: &System,
+    state: &mut State,
+    handle_targets: &[Affine3A],
+    anchor_targets: &[Vec3],
+) -> usize {
+    let mut unusable = 0;
+    let reach = FAR * (reduction.size as f32).max(f32::MIN_POSITIVE);
+    let near = |point: Vec3| {
+        let centre = Vec3::from_array(reduction.centre.map(|c| c as f32));
+        (point - centre).abs().max_element() <= reach && point.is_finite()
+    };
+    let calm = |target: &Affine3A| {
+        let m = target.matrix3;
+        [m.x_axis, m.y_axis, m.z_axis].iter().all(|c| c.is_finite() && c.abs().max_element() <= FAR)
+    };
+    for (handle, (stored, target)) in state.handle_targets.iter_mut().zip(handle_targets).enumerate() {
+        let point = Vec3::from_array(reduction.handle_points[handle].map(|c| c as f32));
+        let usable = match system.constraints[handle] {
+            HandleConstraint::Free => continue,
+            HandleConstraint::Position => near(target.transform_point3(point)),
+            HandleConstraint::Orientation => calm(target),
+            HandleConstraint::Full => calm(target) && near(target.transform_point3(point)),
+        };
+        if usable {
+            *stored = *target;
+        } else {
+            unusable += 1;
+        }
+    }
+    for (stored, target) in state.anchor_targets.iter_mut().zip(anchor_targets) {
+        if near(*target) {
+            *stored = *target;
+        } else {
+            unusable += 1;
+        }
+    }
+    unusable
+}
+
+/// The rows of `T` that are given, and the right-hand sides of the equations.
+fn set_known(reduction: &Reduction, system: &System, state: &mut State) {
+    for &row in &system.known {
+        let (handle, part) = (row / 4, row % 4);
+        let given = matches!(system.constraints[handle], HandleConstraint::Full | HandleConstraint::Orientation);
+        let target = if given { state.handle_targets[handle] } else { Affine3A::IDENTITY };
+        let linear = target.matrix3;
+        let value = if part < 3 {
+            linear.col(part).as_dvec3().to_array()
+        } else {
+            let moved = linear.as_dmat3() * glam::DVec3::from(reduction.centre) + target.translation.as_dvec3();
+            reduction.normalised(moved.to_array())
+        };
+        (0..3).for_each(|axis| state.transposed[axis][row] = value[axis]);
+    }
+    for (equation, source) in system.sources.iter().enumerate() {
+        let value = match *source {
+            Source::Handle(handle) => {
+                let point = glam::DVec3::from(reduction.handle_points[handle]);
+                let target = state.handle_targets[handle];
+                let moved = target.matrix3.as_dmat3() * point + target.translation.as_dvec3();
+                reduction.normalised(moved.to_array())
+            }
+            Source::Anchor(number) => reduction.normalised(state.anchor_targets[number].as_dvec3().to_array()),
+            Source::Joint => [0.0; 3],
+            Source::Rest(rest) => rest,
+        };
+        (0..3).for_each(|axis| state.right[axis][equation] = value[axis]);
+    }
+    if reduction.planar {
+        // Flat shapes stay in their plane whatever the targets say.
+        for &row in &system.known {
+            state.transposed[2][row] = if row % 4 == 2 { 1.0 } else { 0.0 };
+        }
+        for (equation, source) in system.sources.iter().enumerate() {
+            if !matches!(source, Source::Rest(_)) {
+                state.right[2][equation] = 0.0;
+            }
+        }
+    }
+}
+
+/// What `T` and the covariances would be without rotations.
+#[inline(always)]
+fn set_base(reduction: &Reduction, system: &System, state: &mut State) {
+    for axis in 0..3 {
+        for (given, &row) in state.given[axis].iter_mut().zip(&system.known) {
+            *given = state.transposed[axis][row];
+        }
+        let base = &mut state.base[axis];
+        for (i, &row) in system.open.iter().enumerate() {
+            let from_known = dot(system.known_to_open.row(i), &state.given[axis]);
+            base[row] = dot(system.targets_to_open.row(i), &state.right[axis]) - from_known;
+        }
+        for &row in &system.known {
+            base[row] = state.transposed[axis][row];
+        }
+        for cluster in 0..reduction.cluster_count {
+            for rest in 0..3 {
+                let value = dot(reduction.covariance.row(3 * cluster + rest), base);
+                state.still[cluster / LANES][rest][axis][cluster % LANES] = value as f32;
+            }
+        }
+    }
+    if !reduction.cluster_count.is_multiple_of(LANES) {
+        // Lanes without a cluster ask for the identity and get it at once.
+        let last = state.still.len() - 1;
+        for lane in reduction.cluster_count % LANES..LANES {
+            for rest in 0..3 {
+                for axis in 0..3 {
+                    state.still[last][rest][axis][lane] = if rest == axis { 1.0 } else { 0.0 };
+                }
+            }
+        }
+    }
+}
+
+struct Solve<'a> {
+    reduction: &'a Reduction,
+    system: &'a System,
+    state: &'a mut State,
+    stop: ArapStop,
+}
+
+struct Solved {
+    iterations: usize,
+    /// The largest change of a rotation in the last step.
+    change: f32,
+    energy: f64,
+}
+
+impl Kernel for Solve<'_> {
+    type Output = Solved;
+
+    #[inline(always)]
+    fn run(self) -> Solved {
+        let Self { reduction, system, state, stop } = self;
+        set_base(reduction, system, state);
+        let (iterations, change) = steps(system, state, reduction.planar, stop);
+        finish(system, state);
+        Solved { iterations, change, energy: energy(reduction, state) }
+    }
+}
+
+/// Local and global steps; returns how many, and the largest change in the last one.
+#[inline(always)]
+fn steps(system: &System, state: &mut State, planar: bool, stop: ArapStop) -> (usize, f32) {
+    let State { rotations, turned, still, .. } = state;
+    let columns = system.rotations_to_open.columns;
+    let mut change = f32::INFINITY;
+    for step in 0..stop.iterations {
+        change = 0.0;
+        for (block, out) in turned.iter_mut().enumerate() {
+            let panel = &system.panels[block * columns..(block + 1) * columns];
+            let mut covariances = covariances(panel, &still[block], rotations);
+            if planar {
+                hold_upright(&mut covariances);
+            }
+            *out = nearest_rotations_inlined(&covariances);
+            change = change.max(largest_change(out, &rotations[block]));
+        }
+        std::mem::swap(rotations, turned);
+        if change <= stop.tolerance {
+            return (step + 1, change);
+        }
+    }
+    (stop.iterations, change)
+}
+
+/// `S = K̃ (Γ Rᵀ + base)` for eight clusters: the global step and the linear half of the local one at once.
+#[inline(always)]
+fn covariances(panel: &[[[f32; LANES]; 3]], still: &Matrices, rotations: &[Matrices]) -> Matrices {
+    let mut sums = *still;
+    let mut columns = panel.iter();
+    'all: for block in rotations {
+        for lane in 0..LANES {
+            for row in block {
+                let Some(column) = columns.next() else { break 'all };
+                for axis in 0..3 {
+                    let factor = row[axis][lane];
+                    for rest in 0..3 {
+                        for l in 0..LANES {
+                            sums[rest][axis][l] += column[rest][l] * factor;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    sums
+}
+
+/// Makes turning a flat shape over cost more than any reflection in the plane gains.
+#[inline(always)]
+fn hold_upright(covariances: &mut Matrices) {
+    for l in 0..LANES {
+        let [[a, b, _], [c, d, _], _] = covariances.map(|row| row.map(|entry| entry[l]));
+        covariances[2][2][l] = a.abs() + b.abs() + c.abs() + d.abs();
+    }
+}
+
+#[inline(always)]
+fn largest_change(a: &Matrices, b: &Matrices) -> f32 {
+    let mut change = [0.0_f32; LANES];
+    for row in 0..3 {
+        for column in 0..3 {
+            for l in 0..LANES {
+                change[l] = change[l].max((a[row][column][l] - b[row][column][l]).abs());
+            }
+        }
+    }
+    change.into_iter().fold(0.0, f32::max)
+}
+
+/// The last global step, written out: `T = Γ Rᵀ + base`.
+#[inline(always)]
+fn finish(system: &System, state: &mut State) {
+    for axis in 0..3 {
+        for (cluster, three) in state.wide[axis].as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            for rest in 0..3 {
+                three[rest] = f64::from(state.rotations[cluster / LANES][rest][axis][cluster % LANES]);
+            }
+        }
+        for (i, &row) in system.open.iter().enumerate() {
+            let turned = dot(system.rotations_to_open.row(i), &state.wide[axis]);
+            state.transposed[axis][row] = state.base[axis][row] + turned;
+        }
+    }
+}
+
+fn contradiction(reduction: &Reduction, system: &System, state: &State) -> Option<f64> {
+    let mut worst = 0.0_f64;
+    for (equation, source) in system.sources.iter().enumerate() {
+        if matches!(source, Source::Rest(_)) {
+            continue;
+        }
+        let miss =
+            |axis: usize| dot(system.equations.row(equation), &state.transposed[axis]) - state.right[axis][equation];
+        let missed = (0..3).map(|axis| miss(axis).powi(2)).sum::<f64>().sqrt();
+        let far = (0..3).fold(1.0_f64, |far, axis| far.max(state.right[axis][equation].abs()));
+        if missed > MISSED * far {
+            worst = worst.max(missed);
+        }
+    }
+    (worst > 0.0).then_some(worst * reduction.size)
+}
+
+/// `½ tr(Tᵀ L̃ T) − tr(R K̃ T)` and the constant.
+#[inline(always)]
+fn energy(reduction: &Reduction, state: &State) -> f64 {
+    let mut sum = reduction.constant;
+    for axis in 0..3 {
+        let t = &state.transposed[axis];
+        for (row, value) in t.iter().enumerate() {
+            sum += 0.5 * value * dot(reduction.stiffness.row(row), t);
+        }
+        for (row, turn) in state.wide[axis].iter().enumerate() {
+            sum -= turn * dot(reduction.covariance.row(row), t);
+        }
+    }
+    sum * reduction.energy_unit
+}
+
+fn write_transforms(reduction: &Reduction, state: &mut State) {
+    let t = &state.transposed;
+    for (handle, out) in state.transforms.iter_mut().enumerate() {
+        let row =
+            |part: usize| glam::DVec3::new(t[0][4 * handle + part], t[1][4 * handle + part], t[2][4 * handle + part]);
+        let linear = glam::DMat3::from_cols(row(0), row(1), row(2));
+        let centre = glam::DVec3::from(reduction.centre);
+        let translation = row(3) * reduction.size + centre - linear * centre;
+        *out = Affine3A { matrix3: linear.as_mat3().into(), translation: translation.as_vec3().into() };
+    }
+}

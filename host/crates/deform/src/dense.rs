@@ -1,0 +1,373 @@
+//! The little dense algebra that switching constraints needs: matrices of about a hundred rows, in `f64`.
+#![expect(
+    clippy::inline_always,
+    reason = "a kernel is compiled for wide registers only where it is inlined into the dispatch"
+)]
+
+use crate::widest::{Kernel, widest};
+
+/// A dense matrix, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Dense {
+    pub(crate) rows: usize,
+    pub(crate) columns: usize,
+    pub(crate) data: Vec<f64>,
+}
+
+impl Dense {
+    pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
+        Self { rows, columns, data: vec![0.0; rows * columns] }
+    }
+
+    pub(crate) fn at(&self, row: usize, column: usize) -> f64 {
+        self.data[row * self.columns + column]
+    }
+
+    pub(crate) fn row(&self, row: usize) -> &[f64] {
+        &self.data[row * self.columns..(row + 1) * self.columns]
+    }
+
+    pub(crate) fn row_mut(&mut self, row: usize) -> &mut [f64] {
+        &mut self.data[row * self.columns..(row + 1) * self.columns]
+    }
+
+    pub(crate) fn push_row(&mut self, row: &[f64]) {
+        self.data.extend_from_slice(row);
+        self.rows += 1;
+    }
+
+    /// The given rows and columns, in the given order.
+    pub(crate) fn select(&self, rows: &[usize], columns: &[usize]) -> Self {
+        let data = rows.iter().flat_map(|&r| columns.iter().map(move |&c| self.at(r, c))).collect();
+        Self { rows: rows.len(), columns: columns.len(), data }
+    }
+
+    pub(crate) fn transpose(&self) -> Self {
+        let data = (0..self.columns).flat_map(|c| (0..self.rows).map(move |r| self.at(r, c))).collect();
+        Self { rows: self.columns, columns: self.rows, data }
+    }
+
+    /// `self · other`.
+    pub(crate) fn times(&self, other: &Self) -> Self {
+        let mut out = Self::zeros(self.rows, other.columns);
+        widest(Product { a: self, b: other, out: &mut out });
+        out
+    }
+}
+
+struct Product<'a> {
+    a: &'a Dense,
+    b: &'a Dense,
+    out: &'a mut Dense,
+}
+
+impl Kernel for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let (inner, width) = (self.a.columns, self.b.columns);
+        if inner == 0 || width == 0 {
+            return;
+        }
+        for (a, out) in self.a.data.chunks_exact(inner).zip(self.out.data.chunks_exact_mut(width)) {
+            let fours = inner / 4 * 4;
+            for k in (0..fours).step_by(4) {
+                let b = &self.b.data[k * width..(k + 4) * width];
+                let (b0, rest) = b.split_at(width);
+                let (b1, rest) = rest.split_at(width);
+                let (b2, b3) = rest.split_at(width);
+                for c in 0..width {
+                    out[c] += (a[k] * b0[c] + a[k + 1] * b1[c]) + (a[k + 2] * b2[c] + a[k + 3] * b3[c]);
+                }
+            }
+            for k in fours..inner {
+                add_multiple(out, a[k], &self.b.data[k * width..(k + 1) * width]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+pub(crate) fn add_multiple(to: &mut [f64], factor: f64, from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
+}
+
+/// A sum in four interleaved parts, which the compiler can keep in one register.
+#[inline(always)]
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a_fours, a_rest) = a.as_chunks::<4>();
+    let (b_fours, b_rest) = b.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for (a, b) in a_fours.iter().zip(b_fours) {
+        for l in 0..4 {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+}
+
+/// Equations `E x = p` split into what they fix and what they leave open.
+#[derive(Debug)]
+pub(crate) struct Elimination {
+    /// n×c: `x = particular · p` satisfies the equations, in the least-squares sense where they contradict.
+    pub(crate) particular: Dense,
+    /// k×n: orthonormal rows, what can be added to `x` without touching the equations.
+    pub(crate) open: Dense,
+}
+
+/// Relative size under which an equation counts as a combination of the others.
+const DEPENDENT: f64 = 1e-9;
+
+/// Householder's QR decomposition of the transposed equations (c×n) with pivoting: finds the rank, a particular
+/// solution and an orthonormal basis of the rest.
+pub(crate) fn eliminate(equations: &Dense) -> Elimination {
+    let (count, n) = (equations.rows, equations.columns);
+    let mut rows = equations.clone();
+    let mut order: Vec<usize> = (0..count).collect();
+    let mut reflectors: Vec<Vec<f64>> = Vec::new();
+    let mut largest = 0.0_f64;
+    for k in 0..count.min(n) {
+        let tails = (k..count).map(|r| dot(&rows.row(r)[k..], &rows.row(r)[k..]));
+        let (offset, squared) =
+            tails.enumerate().fold((0, -1.0), |best, (i, s)| if s > best.1 { (i, s) } else { best });
+        largest = largest.max(squared.sqrt());
+        if squared.sqrt() <= DEPENDENT * largest || squared <= 0.0 {
+            break;
+        }
+        order.swap(k, k + offset);
+        for c in 0..n {
+            rows.data.swap(k * n + c, (k + offset) * n + c);
+        }
+        let mut v = rows.row(k)[k..].to_vec();
+        v[0] += squared.sqrt().copysign(v[0]);
+        let scale = (2.0 / dot(&v, &v)).sqrt();
+        v.iter_mut().for_each(|c| *c *= scale);
+        for r in k..count {
+            reflect(&mut rows.row_mut(r)[k..], &v);
+        }
+        reflectors.push(v);
+    }
+    let rank = reflectors.len();
+    let mut basis = Dense::zeros(n, n);
+    for i in 0..n {
+        basis.data[i * n + i] = 1.0;
+        for (k, v) in reflectors.iter().enumerate().rev() {
+            reflect(&mut basis.row_mut(i)[k..], v);
+        }
+    }
+    let open = Dense { rows: n - rank, columns: n, data: basis.data.split_off(rank * n) };
+    let fixed = Dense { rows: rank, columns: n, data: basis.data };
+    Elimination { particular: particular_solution(&rows, &order, &fixed), open }
+}
+
+fn reflect(x: &mut [f64], v: &[f64]) {
+    let along = dot(x, v);
+    add_multiple(x, -along, v);
+}
+
+/// With `Eᵀ Π = Q R`: `x = Q (R Rᵀ)⁻¹ R Πᵀ p`, the shortest least-squares solution.
+fn particular_solution(rows: &Dense, order: &[usize], fixed: &Dense) -> Dense {
+    let (count, rank, n) = (rows.rows, fixed.rows, fixed.columns);
+    let mut r = Dense::zeros(rank, count);
+    for i in 0..rank {
+        for j in i..count {
+            r.data[i * count + j] = rows.at(j, i);
+        }
+    }
+    let factor = pivoted_cholesky(&r.times(&r.transpose()), 0.0, 0.0);
+    let mut solved = Dense::zeros(rank, count);
+    let permuted = r.select(&factor.order, &(0..count).collect::<Vec<_>>());
+    let whitened = factor.solve_lower(&permuted);
+    let half = factor.solve_lower_transposed(&whitened);
+    for (i, &place) in factor.order.iter().enumerate().take(factor.rank) {
+        solved.row_mut(place).copy_from_slice(half.row(i));
+    }
+    let by_order = fixed.transpose().times(&solved);
+    let mut out = Dense::zeros(n, count);
+    for row in 0..n {
+        for (j, &equation) in order.iter().enumerate() {
+            out.data[row * count + equation] = by_order.at(row, j);
+        }
+    }
+    out
+}
+
+/// `P A Pᵀ = L Lᵀ` up to the rank of a positive semidefinite matrix.
+#[derive(Debug)]
+pub(crate) struct PivotedCholesky {
+    pub(crate) rank: usize,
+    /// Row i of `L` belongs to row `order[i]` of the matrix.
+    pub(crate) order: Vec<usize>,
+    /// n×n, lower triangle in its first `rank` columns.
+    lower: Dense,
+}
+
+/// Stops at the rank: where no pivot exceeds `tolerance` times its own original diagonal entry. Diagonal entries up to
+/// `floor` count as zero.
+pub(crate) fn pivoted_cholesky(matrix: &Dense, tolerance: f64, floor: f64) -> PivotedCholesky {
+    let n = matrix.rows;
+    let mut order: Vec<usize> = (0..n).collect();
+    let mut lower = Dense::zeros(n, n);
+    let original: Vec<f64> = (0..n).map(|i| matrix.at(i, i)).collect();
+    let mut rest = original.clone();
+    let mut rank = 0;
+    while rank < n {
+        let mut best = (rank, 0.0);
+        for i in rank..n {
+            let whole = original[order[i]];
+            let share = if whole > floor { rest[order[i]] / whole } else { 0.0 };
+            if share > best.1 {
+                best = (i, share);
+            }
+        }
+        if best.1 <= tolerance {
+            break;
+        }
+        order.swap(rank, best.0);
+        for c in 0..rank {
+            lower.data.swap(rank * n + c, best.0 * n + c);
+        }
+        let pivot_row = order[rank];
+        let pivot = rest[pivot_row].sqrt();
+        lower.data[rank * n + rank] = pivot;
+        let (above, below) = lower.data.split_at_mut((rank + 1) * n);
+        let own = &above[rank * n..rank * n + rank];
+        for (i, row) in below.chunks_exact_mut(n).enumerate() {
+            let of_matrix = order[rank + 1 + i];
+            let value = (matrix.at(of_matrix, pivot_row) - dot(&row[..rank], own)) / pivot;
+            row[rank] = value;
+            rest[of_matrix] -= value * value;
+        }
+        rank += 1;
+    }
+    PivotedCholesky { rank, order, lower }
+}
+
+impl PivotedCholesky {
+    /// `L₁₁⁻¹ B`, with the rows of `B` in the factor's order; only the first `rank` rows count.
+    pub(crate) fn solve_lower(&self, b: &Dense) -> Dense {
+        let mut out = Dense { rows: self.rank, columns: b.columns, data: b.data[..self.rank * b.columns].to_vec() };
+        let width = b.columns;
+        for i in 0..self.rank {
+            let (done, rest) = out.data.split_at_mut(i * width);
+            let row = &mut rest[..width];
+            for k in 0..i {
+                add_multiple(row, -self.lower.at(i, k), &done[k * width..(k + 1) * width]);
+            }
+            let pivot = self.lower.at(i, i);
+            row.iter_mut().for_each(|c| *c /= pivot);
+        }
+        out
+    }
+
+    /// `L₁₁⁻ᵀ B` for a `B` of `rank` rows.
+    pub(crate) fn solve_lower_transposed(&self, b: &Dense) -> Dense {
+        let mut out = b.clone();
+        let width = b.columns;
+        for i in (0..self.rank).rev() {
+            let (head, tail) = out.data.split_at_mut((i + 1) * width);
+            let row = &mut head[i * width..];
+            for k in i + 1..self.rank {
+                add_multiple(row, -self.lower.at(k, i), &tail[(k - i - 1) * width..(k - i) * width]);
+            }
+            let pivot = self.lower.at(i, i);
+            row.iter_mut().for_each(|c| *c /= pivot);
+        }
+        out
+    }
+
+    /// (n-rank)×n: rows that span the null space, in the matrix's own order.
+    pub(crate) fn null_space(&self) -> Dense {
+        let n = self.order.len();
+        let mut below = Dense::zeros(self.rank, n - self.rank);
+        for k in self.rank..n {
+            for i in 0..self.rank {
+                below.data[i * (n - self.rank) + k - self.rank] = self.lower.at(k, i);
+            }
+        }
+        let solved = self.solve_lower_transposed(&below);
+        let mut out = Dense::zeros(n - self.rank, n);
+        for k in 0..n - self.rank {
+            for i in 0..self.rank {
+                out.data[k * n + self.order[i]] = -solved.at(i, k);
+            }
+            out.data[k * n + self.order[self.rank + k]] = 1.0;
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filled(rows: usize, columns: usize, seed: u64) -> Dense {
+        let mut state = seed;
+        let mut roll = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 11) as f64 / (1_u64 << 52) as f64) - 1.0
+        };
+        Dense { rows, columns, data: (0..rows * columns).map(|_| roll()).collect() }
+    }
+
+    fn largest(m: &Dense) -> f64 {
+        m.data.iter().fold(0.0, |a, b| a.max(b.abs()))
+    }
+
+    fn minus(a: &Dense, b: &Dense) -> Dense {
+        Dense { data: a.data.iter().zip(&b.data).map(|(a, b)| a - b).collect(), ..*a }
+    }
+
+    #[test]
+    fn elimination_solves_and_leaves_the_rest_open() {
+        for (count, n) in [(0, 5), (3, 7), (6, 6), (20, 33)] {
+            let equations = filled(count, n, 7);
+            let split = eliminate(&equations);
+            assert_eq!(split.open.rows, n - count);
+            let identity = equations.times(&split.particular);
+            for i in 0..count {
+                for j in 0..count {
+                    assert!((identity.at(i, j) - f64::from(u8::from(i == j))).abs() < 1e-10);
+                }
+            }
+            assert!(largest(&equations.times(&split.open.transpose())) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn contradictions_are_met_halfway() {
+        let mut equations = filled(2, 5, 3);
+        let first = equations.row(0).to_vec();
+        equations.push_row(&first);
+        equations.push_row(&[0.0; 5]);
+        let split = eliminate(&equations);
+        assert_eq!(split.open.rows, 3);
+        let x = split.particular.times(&Dense { rows: 4, columns: 1, data: vec![1.0, 5.0, 3.0, 9.0] });
+        let met = equations.times(&x);
+        assert!((met.at(0, 0) - 2.0).abs() < 1e-9 && (met.at(1, 0) - 5.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn cholesky_finds_rank_and_null_space() {
+        let half = filled(9, 14, 11);
+        let singular = half.transpose().times(&half);
+        let factor = pivoted_cholesky(&singular, 1e-11, 0.0);
+        assert_eq!(factor.rank, 9);
+        let null = factor.null_space();
+        assert_eq!(null.rows, 5);
+        assert!(largest(&singular.times(&null.transpose())) < 1e-10 * largest(&null));
+        let whole = half.times(&half.transpose());
+        let factor = pivoted_cholesky(&whole, 1e-12, 0.0);
+        assert_eq!(factor.rank, 9);
+        let b = filled(9, 2, 5);
+        let permuted = b.select(&factor.order, &[0, 1]);
+        let x = factor.solve_lower_transposed(&factor.solve_lower(&permuted));
+        let mut unpermuted = Dense::zeros(9, 2);
+        for (i, &place) in factor.order.iter().enumerate() {
+            unpermuted.row_mut(place).copy_from_slice(x.row(i));
+        }
+        assert!(largest(&minus(&whole.times(&unpermuted), &b)) < 1e-9);
+    }
+}

@@ -1,0 +1,29 @@
+//! Runs a kernel with the widest registers the processor has.
+//!
+//! The kernels are loops over lanes without fused multiply-add, so every width computes the same bits.
+
+/// A kernel together with what it works on. `run` and everything hot below it has to be `#[inline(always)]`:
+/// only what is inlined is compiled for the wide registers.
+pub(crate) trait Kernel {
+    /// What the kernel returns.
+    type Output;
+    /// The work itself.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs a kernel, compiled for AVX2 where the processor has it and for the build's own target elsewhere.
+#[inline]
+pub(crate) fn widest<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has just been seen to have AVX2.
+        return unsafe { with_avx2(kernel) };
+    }
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
