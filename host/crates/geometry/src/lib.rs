@@ -26,8 +26,10 @@ mod self_intersections;
 mod sides;
 mod simplify;
 mod sparse_matrix;
+mod subdivide_long_edges;
 mod topology;
 mod turns;
+mod volume;
 mod weld;
 mod winding_hierarchy;
 mod winding_hierarchy_2d;
@@ -58,16 +60,27 @@ pub use planar::{
     planar_domain, plane_of,
 };
 pub use segmentation::{
-    ElementWinding, ElementWindingSettings, Label, Segmentation, SegmentationError, SegmentationSettings,
-    element_winding, graph_cut, graph_cut_with_forced_labels,
+    AddedChain, Connected, ConnectedPieces, ElementWinding, ElementWindingSettings, Label, Segmentation,
+    SegmentationError, SegmentationSettings, connect_vertices, connected_pieces, element_winding, graph_cut,
+    graph_cut_with_forced_labels,
 };
 pub use self_intersections::{SelfIntersections, self_intersections};
 pub use simplify::{Simplified, SimplifyError, SimplifyOutcome, SurfacePlace, sample_surface, simplify};
 pub use sparse_matrix::{EntryOutOfRange, SparseMatrix};
+pub use subdivide_long_edges::{Subdivided, subdivide_long_edges};
 pub use topology::{
     Components, Edge, Fans, boundary_edges, connected_components, edges, non_manifold_edges, vertex_triangles,
+};
+pub use volume::{
+    Resolution, ShellShortfall, Volume, VolumeError, VolumeInput, VolumeReport, VolumeSettings, VolumeStage, volume,
 };
 pub use weld::{Weld, weld_vertices};
 pub use winding_hierarchy::WindingNumberHierarchy;
 pub use winding_hierarchy_2d::WindingNumberHierarchy2d;
 pub use winding_number::{winding_number, winding_number_2d};
+
+#[cfg(test)]
+extern crate self as armature_geometry;
+#[cfg(test)]
+#[path = "../tests/support/mod.rs"]
+mod support;

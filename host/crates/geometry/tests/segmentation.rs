@@ -8,8 +8,8 @@ use std::ops::ControlFlow;
 
 use armature_geometry::{
     ElementWinding, ElementWindingSettings, FastWindingNumber, Label, Segmentation, SegmentationError,
-    SegmentationSettings, TriangleMesh, WindingNumberHierarchy2d, delaunay_tetrahedra, element_winding, graph_cut,
-    graph_cut_with_forced_labels,
+    SegmentationSettings, TriangleMesh, WindingNumberHierarchy2d, connect_vertices, connected_pieces,
+    delaunay_tetrahedra, element_winding, graph_cut, graph_cut_with_forced_labels,
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -340,4 +340,51 @@ fn bad_elements_are_named() {
     assert!(matches!(of(&[[0, 1, 2]], &[], 0.0, &deep), Err(SegmentationError::BadSetting { .. })));
     assert_eq!(of(&[], &[], 0.0, &settings).unwrap(), ElementWinding::default());
     assert_eq!(of(&[[0, 1, 2]], &[], 0.3, &settings).unwrap().hard, 1);
+}
+
+#[test]
+fn vertices_are_joined_by_the_cheapest_chains() {
+    // Two balls apart, and a vertex in the middle of each, near the edge of one, and between them.
+    let mut mesh = support::sphere(2);
+    let count = mesh.vertices.len() as u32;
+    let other = TriangleMesh {
+        vertices: mesh.vertices.iter().map(|v| [v[0] + 3.0, v[1], v[2]]).collect(),
+        triangles: mesh.triangles.iter().map(|t| t.map(|v| v + count)).collect(),
+    };
+    mesh.vertices.extend(other.vertices);
+    mesh.triangles.extend(other.triangles);
+    mesh.vertices.extend([[0.0; 3], [3.0, 0.0, 0.0], [1.5, 0.1, 0.0], [0.5, 0.5, 0.0], [0.0, 0.3, 0.1]]);
+    let bone: Vec<u32> = (2 * count..2 * count + 3).collect();
+    let within = vec![2 * count + 3, 2 * count + 4];
+    let balls = elements(&mesh, 1000);
+    let winding = balls.winding(&mesh, &ElementWindingSettings::default()).means;
+    let inside = balls.cut(&winding).inside;
+    let join = |groups: &[Vec<u32>], inside: &[bool]| {
+        connect_vertices(&balls.tetrahedra, &balls.neighbours, &winding, &balls.volumes, inside, groups, &mut go)
+    };
+    let before = connected_pieces(&inside, &balls.neighbours).unwrap();
+    assert_eq!(before.sizes.iter().filter(|&&size| size > 20).count(), 2);
+    // Nothing is added where nothing is missing.
+    let same = join(std::slice::from_ref(&within), &inside).unwrap();
+    assert!(same.inside == inside && same.added.is_empty() && same.unreachable.is_empty());
+    let lost = balls.vertices.len() as u32 + 7;
+    let mut with_lost = bone.clone();
+    with_lost.push(lost);
+    let joined = join(&[within.clone(), with_lost], &inside).unwrap();
+    assert_eq!(joined.unreachable, [(1, lost)]);
+    let after = connected_pieces(&joined.inside, &balls.neighbours).unwrap();
+    let touch = |vertex: u32, piece: u32| {
+        balls.tetrahedra.iter().zip(&after.piece_of).any(|(t, &p)| p == piece && t.contains(&vertex))
+    };
+    assert!((0..after.sizes.len() as u32).any(|piece| bone.iter().all(|&v| touch(v, piece))));
+    let added: usize = joined.added.iter().map(|chain| chain.elements.len()).sum();
+    let now = joined.inside.iter().filter(|&&x| x).count();
+    assert!(added > 0 && now == inside.iter().filter(|&&x| x).count() + added);
+    let shortfall: f64 = joined.added.iter().map(|chain| chain.shortfall).sum();
+    assert!(joined.added.iter().all(|chain| chain.group == 1) && shortfall < 0.1 * balls.volume(&joined.inside));
+    // From nothing at all a chain of its own grows.
+    let bare = join(std::slice::from_ref(&bone), &vec![false; inside.len()]).unwrap();
+    assert_eq!(connected_pieces(&bare.inside, &balls.neighbours).unwrap().sizes.len(), 1);
+    let wrong = join(&[], &inside[1..]);
+    assert!(matches!(wrong, Err(SegmentationError::WrongLength { .. })));
 }

@@ -10,43 +10,50 @@
 use crate::predicates::{in_sphere, orientation, same_place};
 
 /// The corner at infinity.
-pub(super) const INFINITE: u32 = u32::MAX;
+pub(crate) const INFINITE: u32 = u32::MAX;
 /// No tetrahedron.
-pub(super) const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 const DEAD: [u32; 4] = [INFINITE; 4];
 
 /// A Delaunay triangulation of space that grows point by point.
-pub(super) struct Triangulation<'a> {
-    pub(super) points: &'a [[f64; 3]],
+pub(crate) struct Triangulation {
+    /// Positions, in the numbering of the corners.
+    pub(crate) points: Vec<[f64; 3]>,
     /// Positively oriented corners; at most one is [`INFINITE`], or all are in a slot out of use.
-    pub(super) corners: Vec<[u32; 4]>,
+    pub(crate) corners: Vec<[u32; 4]>,
     /// `neighbours[t][k]` lies across the facet of `t` opposite its corner `k`.
-    pub(super) neighbours: Vec<[u32; 4]>,
+    pub(crate) neighbours: Vec<[u32; 4]>,
     /// Where [`Triangulation::locate`] starts: around the point inserted last.
-    pub(super) last: u32,
+    pub(crate) last: u32,
+    /// A bit for each facet that has to stay, on both of its sides; empty until [`Triangulation::track`].
+    pub(super) locked: Vec<u8>,
+    /// A tetrahedron at each point; empty until [`Triangulation::track`].
+    pub(super) tet_of: Vec<u32>,
+    /// Tetrahedra made since then.
+    pub(crate) changed: Vec<u32>,
     /// `stamp` if in conflict with the current point, `stamp + 1` if not, anything less if not looked at.
-    mark: Vec<u32>,
-    most: usize,
-    stamp: u32,
-    free: Vec<u32>,
-    conflicts: Vec<u32>,
-    boundary: Vec<BoundaryFacet>,
+    pub(super) mark: Vec<u32>,
+    pub(super) most: usize,
+    pub(super) stamp: u32,
+    pub(super) free: Vec<u32>,
+    pub(super) conflicts: Vec<u32>,
+    pub(super) boundary: Vec<BoundaryFacet>,
 }
 
 /// A facet between a conflicting tetrahedron and one that stays.
 #[derive(Clone, Copy)]
-struct BoundaryFacet {
+pub(super) struct BoundaryFacet {
     /// The conflicting tetrahedron.
-    inner: u32,
+    pub(super) inner: u32,
     /// Its corner opposite the facet.
-    slot: u8,
+    pub(super) slot: u8,
     /// What takes its place.
-    new: u32,
+    pub(super) new: u32,
 }
 
 /// What became of a point.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Inserted {
+pub(crate) enum Inserted {
     /// It is a corner now.
     Yes,
     /// That earlier point lies at the same place.
@@ -55,9 +62,9 @@ pub(super) enum Inserted {
     Full,
 }
 
-impl<'a> Triangulation<'a> {
+impl Triangulation {
     /// The positively oriented tetrahedron `inner`, and infinity; never to have more than `most` tetrahedra.
-    pub(super) fn new(points: &'a [[f64; 3]], inner: [u32; 4], most: usize) -> Self {
+    pub(crate) fn new(points: Vec<[f64; 3]>, inner: [u32; 4], most: usize) -> Self {
         let mut all = vec![inner];
         for slot in 0..4 {
             let mut outer = inner;
@@ -75,6 +82,9 @@ impl<'a> Triangulation<'a> {
         Self {
             points,
             neighbours: neighbours.collect(),
+            locked: Vec::new(),
+            tet_of: Vec::new(),
+            changed: Vec::new(),
             mark: vec![0; all.len()],
             corners: all,
             most,
@@ -87,7 +97,7 @@ impl<'a> Triangulation<'a> {
     }
 
     /// Makes a point a corner.
-    pub(super) fn insert(&mut self, point: u32) -> Inserted {
+    pub(crate) fn insert(&mut self, point: u32) -> Inserted {
         let position = self.points[point as usize];
         let start = self.locate(&position);
         let twin = |&&corner: &&u32| corner != INFINITE && same_place(&self.points[corner as usize], &position);
@@ -98,27 +108,32 @@ impl<'a> Triangulation<'a> {
         if self.corners.len() + self.boundary.len() > self.most {
             return Inserted::Full;
         }
+        self.fan_out(point);
+        Inserted::Yes
+    }
+
+    /// The point takes the place of the tetrahedra in conflict.
+    pub(super) fn fan_out(&mut self, point: u32) {
         self.fill(point);
         self.stitch();
         for &tet in &self.conflicts {
             self.corners[tet as usize] = DEAD;
         }
         self.free.append(&mut self.conflicts);
-        Inserted::Yes
     }
 
     /// Whether the slot holds a tetrahedron, at infinity or not.
-    pub(super) fn is_alive(&self, tet: u32) -> bool {
+    pub(crate) fn is_alive(&self, tet: u32) -> bool {
         self.corners[tet as usize] != DEAD
     }
 
     /// Which corner is at infinity, if one is.
-    pub(super) fn infinite_slot(&self, tet: u32) -> Option<usize> {
+    pub(crate) fn infinite_slot(&self, tet: u32) -> Option<usize> {
         self.corners[tet as usize].iter().position(|&corner| corner == INFINITE)
     }
 
     /// The orientation with one corner, finite or not, moved to `position`; the others are finite.
-    pub(super) fn orientation_with(&self, tet: u32, slot: usize, position: &[f64; 3]) -> f64 {
+    pub(crate) fn orientation_with(&self, tet: u32, slot: usize, position: &[f64; 3]) -> f64 {
         let corners = self.corners[tet as usize];
         let at = |k: usize| if k == slot { position } else { &self.points[corners[k] as usize] };
         orientation(at(0), at(1), at(2), at(3))
@@ -136,7 +151,12 @@ impl<'a> Triangulation<'a> {
         in_sphere(a, b, c, d, position) > 0.0
     }
 
-    fn find_conflicts(&mut self, start: u32, position: &[f64; 3]) {
+    /// Whether the facet opposite a corner has to stay.
+    pub(crate) fn is_locked(&self, tet: u32, slot: usize) -> bool {
+        self.locked.get(tet as usize).is_some_and(|bits| bits >> slot & 1 == 1)
+    }
+
+    pub(super) fn find_conflicts(&mut self, start: u32, position: &[f64; 3]) {
         self.stamp += 2;
         self.conflicts.clear();
         self.boundary.clear();
@@ -148,7 +168,7 @@ impl<'a> Triangulation<'a> {
             looked_at += 1;
             for slot in 0..4 {
                 let outer = self.neighbours[inner as usize][slot];
-                if self.mark[outer as usize] < self.stamp {
+                if !self.is_locked(inner, slot) && self.mark[outer as usize] < self.stamp {
                     let in_conflict = self.in_conflict(outer, position);
                     self.mark[outer as usize] = self.stamp + u32::from(!in_conflict);
                     if in_conflict {
@@ -172,7 +192,11 @@ impl<'a> Triangulation<'a> {
             corners[slot] = point;
             let mut neighbours = [NONE; 4];
             neighbours[slot] = outer;
+            let locked = self.is_locked(inner, slot);
             let new = self.put(corners, neighbours);
+            if locked {
+                self.locked[new as usize] |= 1 << slot;
+            }
             for back in &mut self.neighbours[outer as usize] {
                 if *back == inner {
                     *back = new;
@@ -185,17 +209,31 @@ impl<'a> Triangulation<'a> {
         }
     }
 
-    fn put(&mut self, corners: [u32; 4], neighbours: [u32; 4]) -> u32 {
-        if let Some(tet) = self.free.pop() {
-            self.corners[tet as usize] = corners;
-            self.neighbours[tet as usize] = neighbours;
-            self.mark[tet as usize] = 0;
-            return tet;
+    pub(super) fn put(&mut self, corners: [u32; 4], neighbours: [u32; 4]) -> u32 {
+        let tet = self.free.pop().unwrap_or_else(|| {
+            self.corners.push(corners);
+            self.neighbours.push(neighbours);
+            self.mark.push(0);
+            (self.corners.len() - 1) as u32
+        });
+        self.corners[tet as usize] = corners;
+        self.neighbours[tet as usize] = neighbours;
+        self.mark[tet as usize] = 0;
+        if !self.tet_of.is_empty() {
+            self.locked.resize(self.corners.len(), 0);
+            self.locked[tet as usize] = 0;
+            self.changed.push(tet);
+            for corner in corners.into_iter().filter(|&corner| corner != INFINITE) {
+                self.tet_of[corner as usize] = tet;
+            }
         }
-        self.corners.push(corners);
-        self.neighbours.push(neighbours);
-        self.mark.push(0);
-        (self.corners.len() - 1) as u32
+        tet
+    }
+
+    /// Takes a tetrahedron out of use.
+    pub(super) fn retire(&mut self, tet: u32) {
+        self.corners[tet as usize] = DEAD;
+        self.free.push(tet);
     }
 
     /// Links the new tetrahedra with each other: two are neighbours if their facets of the boundary share an edge,
@@ -223,6 +261,6 @@ impl<'a> Triangulation<'a> {
     }
 }
 
-fn position_of(four: &[u32; 4], wanted: u32) -> usize {
+pub(super) fn position_of(four: &[u32; 4], wanted: u32) -> usize {
     usize::from(four[0] != wanted) * (1 + usize::from(four[1] != wanted) * (1 + usize::from(four[2] != wanted)))
 }

@@ -2,7 +2,7 @@
 
 use super::insertion::{NONE, Triangulation};
 
-impl Triangulation<'_> {
+impl Triangulation {
     /// A tetrahedron that holds `position`, on its boundary counts; or one at infinity whose facet it lies beyond.
     ///
     /// Steps through any facet that has the point strictly behind it, except the one just come through (Devillers,

@@ -3,15 +3,24 @@
 //! Points are inserted one by one into a triangulation of all of space; every sign is exact, so that grids, layers and
 //! points on a sphere are as good as any others.
 
+mod cavity;
+#[cfg(test)]
+mod change_tests;
+mod flips;
 mod insertion;
 mod location;
 mod order;
+mod restore;
+mod walk;
 
 use std::ops::ControlFlow;
 
 use crate::predicates::{collinear, orientation, same_place};
-use insertion::{Inserted, Triangulation};
+pub(crate) use cavity::Refusal;
+use insertion::Inserted;
+pub(crate) use insertion::{INFINITE, NONE as NO_TETRAHEDRON, Triangulation};
 use order::insertion_order;
+pub(crate) use walk::Crossing;
 
 /// Insertions between two reports of progress.
 const REPORT_EVERY: usize = 4096;
@@ -101,22 +110,44 @@ pub fn delaunay_tetrahedra(
     points: &[[f64; 3]],
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<DelaunayTetrahedra, DelaunayError> {
+    let Bulk { triangulation, name, first_at_place, .. } = triangulate(points, progress)?;
+    let (tetrahedra, neighbours) = inside(&triangulation, &name);
+    Ok(DelaunayTetrahedra { tetrahedra, neighbours, first_at_place })
+}
+
+/// A triangulation of many points that can still grow and change.
+pub(crate) struct Bulk {
+    /// Numbers its points in the order of insertion.
+    pub(crate) triangulation: Triangulation,
+    /// For each point of the triangulation the first given point at its place.
+    pub(crate) name: Vec<u32>,
+    /// As in [`DelaunayTetrahedra`].
+    pub(crate) first_at_place: Vec<u32>,
+    /// Its coordinates are the given ones times two to this power.
+    pub(crate) shift: i32,
+}
+
+/// As [`delaunay_tetrahedra`].
+pub(crate) fn triangulate(
+    points: &[[f64; 3]],
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Bulk, DelaunayError> {
     if points.len() > MOST_POINTS {
         return Err(DelaunayError::TooManyPoints { points: points.len() });
     }
     let most =
         (MOST_PER_POINT.saturating_mul(points.len()).saturating_add(MOST_FOR_FEW_POINTS)).min(u32::MAX as usize - 1);
-    let scaled = scaled_into_range(points)?;
+    let (scaled, shift) = scaled_into_range(points)?;
     let mut order = insertion_order(&scaled);
     put_tetrahedron_first(&mut order, &scaled)?;
     let sorted: Vec<[f64; 3]> = order.iter().map(|&index| scaled[index as usize]).collect();
     drop(scaled);
-    let mut triangulation = Triangulation::new(&sorted, [0, 1, 2, 3], most);
+    let mut triangulation = Triangulation::new(sorted, [0, 1, 2, 3], most);
     let mut first_at_place: Vec<u32> = (0..points.len() as u32).collect();
     // Of points at one place the first by index takes over, whichever was inserted.
     let mut name = order.clone();
-    for position in 4..sorted.len() {
-        if position % REPORT_EVERY == 0 && progress(position as f64 / sorted.len() as f64).is_break() {
+    for position in 4..order.len() {
+        if position % REPORT_EVERY == 0 && progress(position as f64 / order.len() as f64).is_break() {
             return Err(DelaunayError::Cancelled);
         }
         match triangulation.insert(position as u32) {
@@ -136,12 +167,11 @@ pub fn delaunay_tetrahedra(
     for first in &mut first_at_place {
         *first = name_of[*first as usize];
     }
-    let (tetrahedra, neighbours) = inside(&triangulation, &name);
-    Ok(DelaunayTetrahedra { tetrahedra, neighbours, first_at_place })
+    Ok(Bulk { triangulation, name, first_at_place, shift })
 }
 
 /// Times a power of two, so that nothing is rounded, to where all signs are exact.
-fn scaled_into_range(points: &[[f64; 3]]) -> Result<Vec<[f64; 3]>, DelaunayError> {
+fn scaled_into_range(points: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, i32), DelaunayError> {
     if let Some(point) = points.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
         return Err(DelaunayError::NotFinite { point });
     }
@@ -154,7 +184,7 @@ fn scaled_into_range(points: &[[f64; 3]]) -> Result<Vec<[f64; 3]>, DelaunayError
     let too_fine = |(p, s): (&[f64; 3], &[f64; 3])| (0..3).any(|k| p[k] != 0.0 && s[k].abs() < SMALLEST_COORDINATE);
     match points.iter().zip(&scaled).position(too_fine) {
         Some(point) => Err(DelaunayError::TooFine { point }),
-        None => Ok(scaled),
+        None => Ok((scaled, shift)),
     }
 }
 

@@ -81,6 +81,14 @@ pub enum SegmentationError {
         /// Zero-based element.
         element: usize,
     },
+    /// An area or volume is negative, NaN or infinite.
+    #[error("element {element} has the measure {value}, which is not a finite number from zero up; is it inverted?")]
+    BadMeasure {
+        /// Zero-based element.
+        element: usize,
+        /// Its measure.
+        value: f64,
+    },
     /// Neighbours that do not exist, are the element itself, or do not name it in turn.
     #[error("element {element} names {neighbour} as neighbour, which is not one; neighbours have to name each other")]
     BadNeighbour {

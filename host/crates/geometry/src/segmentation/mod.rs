@@ -3,12 +3,14 @@
 //! [`element_winding`](element_winding::element_winding) integrates the winding number over each element,
 //! [`graph_cut`](graph_cut::graph_cut) turns it into labels that respect it and are coherent.
 
+mod connect_vertices;
 mod element_winding;
 mod energy;
 mod graph_cut;
 mod max_flow;
 mod quadrature;
 
+pub use connect_vertices::{AddedChain, Connected, ConnectedPieces, connect_vertices, connected_pieces};
 pub use element_winding::{ElementWinding, ElementWindingSettings, element_winding};
 pub use graph_cut::{
     Label, Segmentation, SegmentationError, SegmentationSettings, graph_cut, graph_cut_with_forced_labels,

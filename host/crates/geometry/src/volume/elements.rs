@@ -1,0 +1,65 @@
+//! The finite tetrahedra of a triangulation as plain arrays.
+
+use glam::DVec3;
+
+use crate::delaunay::Triangulation;
+use crate::delaunay::{INFINITE, NO_TETRAHEDRON};
+
+/// Tetrahedra with what the segmentation asks about them.
+#[derive(Debug, Default)]
+pub(super) struct Elements {
+    /// n×3 positions in the mesh's unit, in the triangulation's numbering.
+    pub(super) vertices: Vec<[f64; 3]>,
+    pub(super) tetrahedra: Vec<[u32; 4]>,
+    /// Across the facet opposite each corner; `u32::MAX` beyond the hull.
+    pub(super) neighbours: Vec<[u32; 4]>,
+    /// Areas of those facets.
+    pub(super) areas: Vec<[f64; 4]>,
+    /// Whether those facets are of the shell.
+    pub(super) locked: Vec<[bool; 4]>,
+    pub(super) volumes: Vec<f64>,
+    /// For each tetrahedron of the triangulation the one here.
+    pub(super) index_of: Vec<u32>,
+}
+
+impl Elements {
+    /// `shift` is the power of two by which the triangulation's coordinates are larger.
+    pub(super) fn new(triangulation: &Triangulation, shift: i32) -> Self {
+        let mut elements = Self {
+            vertices: triangulation.points.iter().map(|p| p.map(|c| libm::scalbn(c, -shift))).collect(),
+            index_of: vec![NO_TETRAHEDRON; triangulation.corners.len()],
+            ..Self::default()
+        };
+        for tet in 0..triangulation.corners.len() as u32 {
+            if triangulation.is_alive(tet) && triangulation.infinite_slot(tet).is_none() {
+                elements.index_of[tet as usize] = elements.tetrahedra.len() as u32;
+                elements.tetrahedra.push(triangulation.corners[tet as usize]);
+                elements.neighbours.push(triangulation.neighbours[tet as usize]);
+                elements.locked.push(std::array::from_fn(|slot| triangulation.is_locked(tet, slot)));
+            }
+        }
+        for across in elements.neighbours.iter_mut().flatten() {
+            *across = elements.index_of[*across as usize];
+        }
+        for t in &elements.tetrahedra {
+            debug_assert!(!t.contains(&INFINITE));
+            let p = t.map(|v| DVec3::from(elements.vertices[v as usize]));
+            // Exactly they are positive; rounded, flat ones may come out a little below zero.
+            elements.volumes.push(((p[1] - p[0]).dot((p[2] - p[0]).cross(p[3] - p[0])) / 6.0).max(0.0));
+            let area = |k: usize| {
+                let [a, b, c] = [p[(k + 1) % 4], p[(k + 2) % 4], p[(k + 3) % 4]];
+                0.5 * (b - a).cross(c - a).length()
+            };
+            elements.areas.push(std::array::from_fn(area));
+        }
+        elements
+    }
+
+    /// The neighbours that are not across a facet of the shell.
+    pub(super) fn open_neighbours(&self) -> Vec<[u32; 4]> {
+        let open = |(across, locked): (&[u32; 4], &[bool; 4])| {
+            std::array::from_fn(|slot| if locked[slot] { u32::MAX } else { across[slot] })
+        };
+        self.neighbours.iter().zip(&self.locked).map(open).collect()
+    }
+}
