@@ -8,6 +8,7 @@ mod arap_energy;
 mod arap_reduction;
 mod arap_solve;
 mod dense;
+mod dual_quaternion_skinning;
 mod linear_blend_skinning;
 mod nearest_rotation;
 mod reduced_arap;
@@ -15,6 +16,7 @@ mod rotation_clusters;
 mod widest;
 
 pub use arap_energy::ArapEnergy;
+pub use dual_quaternion_skinning::DualQuaternionSkin;
 pub use linear_blend_skinning::{LinearBlendSkin, SkinError};
 pub use nearest_rotation::{LANES, Matrices, nearest_rotations};
 pub use reduced_arap::{

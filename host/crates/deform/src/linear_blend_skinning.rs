@@ -7,10 +7,10 @@ use rayon::prelude::*;
 /// Vertices that go through the arithmetic side by side, one register wide.
 const LANES: usize = 4;
 /// Vertices a thread takes at a time.
-const CHUNK: usize = 4096;
+pub(crate) const CHUNK: usize = 4096;
 /// Below this many vertices waking a second thread costs more than it saves: 32k vertices take about 0.27 ms on
 /// one core, a wake-up 0.02 to 0.1 ms.
-const PARALLEL_FROM: usize = 8 * CHUNK;
+pub(crate) const PARALLEL_FROM: usize = 8 * CHUNK;
 /// A blended map whose cofactors, relative to its own largest entry, shrink a normal to less than this (squared)
 /// has flattened the surface there to a line or a point: about 16 units in the last place of `f32`.
 const FLAT: f32 = 4e-12;
@@ -100,25 +100,8 @@ impl LinearBlendSkin {
         influences: &Influences,
         rest_model_from_bone: &[Affine3A],
     ) -> Result<Self, SkinError> {
-        let vertex_count = rest_positions.len();
-        expect_length("rest normals", rest_normals.len(), vertex_count)?;
-        expect_length("rows of influences", influences.vertex_count(), vertex_count)?;
-        let vectors = rest_positions.iter().zip(rest_normals);
-        if let Some(vertex) = vectors.clone().position(|(p, n)| !p.iter().chain(n).all(|c| c.is_finite())) {
-            return Err(SkinError::VertexNotFinite { vertex });
-        }
-        let bone_count = rest_model_from_bone.len();
-        for vertex in 0..vertex_count {
-            if let Some((bone, _)) = influences.of_vertex(vertex).find(|(b, _)| usize::from(*b) >= bone_count) {
-                return Err(SkinError::BoneOutOfRange { vertex, bone, bone_count });
-            }
-        }
-        let bone_from_rest = rest_model_from_bone
-            .iter()
-            .enumerate()
-            .map(|(bone, frame)| invert(frame).ok_or(SkinError::RestNotInvertible { bone }))
-            .collect::<Result<Vec<_>, _>>()?;
-
+        let bone_from_rest = check_rest(rest_positions, rest_normals, influences, rest_model_from_bone)?;
+        let (vertex_count, bone_count) = (rest_positions.len(), bone_from_rest.len());
         let mut layers = Vec::new();
         let blocks = (0..vertex_count)
             .step_by(LANES)
@@ -269,13 +252,40 @@ fn turn_normals(map: &[[Lane; 4]; 3], n: &[Lane; 3]) -> [Lane; 3] {
     [0, 1, 2].map(|axis| Vec4::select(sane, turned[axis] * stretch, n[axis]))
 }
 
-fn expect_length(what: &'static str, got: usize, expected: usize) -> Result<(), SkinError> {
+/// Checks a character in its rest pose; returns the inverse rest frames.
+pub(crate) fn check_rest(
+    rest_positions: &[[f32; 3]],
+    rest_normals: &[[f32; 3]],
+    influences: &Influences,
+    rest_model_from_bone: &[Affine3A],
+) -> Result<Vec<DAffine3>, SkinError> {
+    let vertex_count = rest_positions.len();
+    expect_length("rest normals", rest_normals.len(), vertex_count)?;
+    expect_length("rows of influences", influences.vertex_count(), vertex_count)?;
+    let vectors = rest_positions.iter().zip(rest_normals);
+    if let Some(vertex) = vectors.clone().position(|(p, n)| !p.iter().chain(n).all(|c| c.is_finite())) {
+        return Err(SkinError::VertexNotFinite { vertex });
+    }
+    let bone_count = rest_model_from_bone.len();
+    for vertex in 0..vertex_count {
+        if let Some((bone, _)) = influences.of_vertex(vertex).find(|(b, _)| usize::from(*b) >= bone_count) {
+            return Err(SkinError::BoneOutOfRange { vertex, bone, bone_count });
+        }
+    }
+    rest_model_from_bone
+        .iter()
+        .enumerate()
+        .map(|(bone, frame)| invert(frame).ok_or(SkinError::RestNotInvertible { bone }))
+        .collect()
+}
+
+pub(crate) fn expect_length(what: &'static str, got: usize, expected: usize) -> Result<(), SkinError> {
     if got == expected { Ok(()) } else { Err(SkinError::Length { what, got, expected }) }
 }
 
 /// Rest frames are inverted and multiplied in `f64`, so that the rest pose gives the identity to the last bit
 /// even for a bone far from the origin.
-fn widen(frame: &Affine3A) -> DAffine3 {
+pub(crate) fn widen(frame: &Affine3A) -> DAffine3 {
     DAffine3 { matrix3: frame.matrix3.as_dmat3(), translation: frame.translation.as_dvec3() }
 }
 
@@ -290,7 +300,7 @@ fn rows_of(frame: &DAffine3) -> Rows {
     [row(m.x_axis, frame.translation.x), row(m.y_axis, frame.translation.y), row(m.z_axis, frame.translation.z)]
 }
 
-fn unit(n: [f32; 3]) -> [f32; 3] {
+pub(crate) fn unit(n: [f32; 3]) -> [f32; 3] {
     let wide = DVec3::new(n[0].into(), n[1].into(), n[2].into());
     wide.normalize_or_zero().as_vec3().to_array()
 }
