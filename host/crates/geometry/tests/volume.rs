@@ -11,6 +11,7 @@ use armature_geometry::{
     cotangent_laplacian_tetrahedra, volume,
 };
 use glam::DVec3;
+use proptest::prelude::*;
 use robust::{Coord3D, orient3d};
 use support::{noise, shared_data, shared_triangles, sphere};
 
@@ -278,4 +279,33 @@ fn bones_outside_are_joined_to_the_volume() {
     check("sphere", &surface, &made);
     assert_eq!(made.report.bones_apart, 0);
     assert!(made.report.elements_for_bones > 0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn any_soup_gives_a_volume_or_says_why_not(
+        corners in prop::collection::vec([0_u8..6, 0_u8..6, 0_u8..6], 3..40),
+        triangles in prop::collection::vec([any::<u16>(), any::<u16>(), any::<u16>()], 1..80),
+        bones in prop::collection::vec([[-1_i8..8, -1_i8..8, -1_i8..8], [-1_i8..8, -1_i8..8, -1_i8..8]], 0..4),
+        roughness in prop::sample::select(vec![0.0, 1e-12, 1e-3, 0.3]),
+        scale in prop::sample::select(vec![1e-30, 1.0, 1e30]),
+        conforming in any::<bool>(),
+    ) {
+        let mut noise = noise();
+        let mut place = |c: [f64; 3]| c.map(|c| (c + roughness * noise()) * scale);
+        let vertices: Vec<[f64; 3]> = corners.iter().map(|c| place(c.map(f64::from))).collect();
+        let triangles = triangles.iter().map(|t| t.map(|v| u32::from(v) % vertices.len() as u32)).collect();
+        let segments: Vec<_> = bones.iter().map(|ends| ends.map(|c| place(c.map(f64::from)))).collect();
+        let surface = TriangleMesh { vertices, triangles };
+        let resolution = if conforming { CONFORMING } else { Resolution::Embedded { vertices: 200 } };
+        match make(&surface, &segments, resolution) {
+            Ok(made) => {
+                check("soup", &surface, &made);
+                prop_assert_eq!(made.report.bones_apart, 0);
+            }
+            Err(error) => prop_assert!(!error.to_string().is_empty()),
+        }
+    }
 }

@@ -14,6 +14,8 @@ use volume::{FACES, Volume};
 
 /// Points further away than this many times the mesh's largest coordinate are refused.
 const FARTHEST: f64 = 1e60;
+/// Coordinates that name a place so much off, beside the tetrahedron's edges, are not well solved for.
+const WELL_SOLVED: f64 = 1e-14;
 
 /// Points as they ride along with a volume.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -180,19 +182,37 @@ fn placed(volume: &Volume, found: Found, point: DVec3) -> Placed {
         Found::Outside(facet) => {
             let (tetrahedron, opposite) = volume.facets[facet as usize];
             let all = volume.corners(tetrahedron);
-            let corners = FACES[opposite as usize].map(|k| all[k]);
-            let in_facet = barycentric(closest_on_triangle(point, &corners), &corners);
-            let mut barycentric = [0.0; 4];
-            for (k, coordinate) in FACES[opposite as usize].into_iter().zip(in_facet) {
-                barycentric[k] = coordinate;
-            }
+            let barycentric = on_facet(&all, opposite as usize, point);
             Placed { tetrahedron, barycentric, distance: residual(&all, barycentric, point).length() }
         }
     }
 }
 
-/// Coordinates of a point in a tetrahedron with a volume.
+/// Coordinates of the place nearest to a point on the facet opposite a corner.
+fn on_facet(all: &[DVec3; 4], opposite: usize, point: DVec3) -> [f64; 4] {
+    let corners = FACES[opposite].map(|k| all[k]);
+    let in_facet = barycentric(closest_on_triangle(point, &corners), &corners);
+    let mut at = [0.0; 4];
+    for (k, coordinate) in FACES[opposite].into_iter().zip(in_facet) {
+        at[k] = coordinate;
+    }
+    at
+}
+
+/// Coordinates of a point in a tetrahedron. One that is flat up to rounding has none to compute with, but a facet
+/// within rounding of the point.
 fn inside(corners: &[DVec3; 4], point: DVec3) -> [f64; 4] {
+    let solved = solved_inside(corners, point);
+    let off = |at: &[f64; 4]| residual(corners, *at, point).length_squared();
+    let longest = corners.iter().fold(0.0, |most: f64, corner| most.max(corner.distance_squared(corners[0])));
+    if off(&solved) <= WELL_SOLVED * WELL_SOLVED * longest {
+        return solved;
+    }
+    let facets = (0..4).map(|opposite| on_facet(corners, opposite, point));
+    facets.chain([solved]).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(solved)
+}
+
+fn solved_inside(corners: &[DVec3; 4], point: DVec3) -> [f64; 4] {
     let [a, b, c, d] = corners;
     let edges = [*b - *a, *c - *a, *d - *a];
     let normals = [edges[1].cross(edges[2]), edges[2].cross(edges[0]), edges[0].cross(edges[1])];
