@@ -10,11 +10,14 @@ mod biharmonic_energy;
 mod bone_heat;
 mod bounded_biharmonic;
 mod cholesky;
+mod finish_weights;
+mod handle_boundary;
 mod heat_sources;
 mod heat_surface;
 mod heat_system;
 mod inverse_diagonal;
 mod progress;
+mod shape_preservation;
 mod sparsify;
 mod weight_matrix;
 
@@ -25,7 +28,10 @@ pub use bounded_biharmonic::{
     bounded_biharmonic_weights,
 };
 pub use cholesky::{CholeskyError, SparseCholesky};
+pub use finish_weights::{Normalisation, follow_nearest_handle, normalise};
+pub use handle_boundary::{CageFacet, Handle, HandleBoundary, HandleError, HandleKind, handle_boundary};
 pub use heat_sources::{BoneSegment, Visibility};
 pub use progress::{Phase, Progress};
+pub use shape_preservation::{BrushError, shape_preservation};
 pub use sparsify::{Sparsification, SparsifyError, sparsify};
 pub use weight_matrix::WeightMatrix;

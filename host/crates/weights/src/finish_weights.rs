@@ -1,0 +1,100 @@
+//! From each handle's own weights to weights that can skin: pieces without a handle follow their nearest one, and
+//! every vertex's weights sum to one (thesis 4.3.4).
+
+use glam::DVec3;
+
+use crate::{BiharmonicWeights, HandleBoundary, WeightMatrix};
+
+/// What normalising changed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Normalisation {
+    /// Largest distance of a vertex's sum of weights from one, before.
+    pub largest_deviation: f64,
+    /// Mean of the same over all vertices with weights.
+    pub mean_deviation: f64,
+    /// Vertices without any weight; they stay without.
+    pub unweighted: Vec<usize>,
+}
+
+/// Gives every piece of the mesh without a fixed vertex wholly to the handle nearest to it: that of the fixed vertex
+/// nearest to any of the piece's vertices, of several handles there the heaviest and then the first. `vertices` are
+/// the mesh's n positions. Returns the handle of each piece in `weights.unreached`, which stays to tell.
+///
+/// # Panics
+/// If `vertices` are fewer than the weights', or `boundary` is not the one the weights were computed for.
+pub fn follow_nearest_handle(
+    weights: &mut BiharmonicWeights,
+    boundary: &HandleBoundary,
+    vertices: &[[f64; 3]],
+) -> Vec<usize> {
+    let n = weights.weights.vertices();
+    let place = |vertex: usize| DVec3::from(vertices[vertex]);
+    let mut followed = Vec::with_capacity(weights.unreached.len());
+    for piece in &weights.unreached {
+        let nearness = |row: usize| {
+            let to = place(boundary.fixed[row]);
+            piece.iter().map(|&vertex| place(vertex).distance_squared(to)).fold(f64::INFINITY, f64::min)
+        };
+        let nearest = (0..boundary.fixed.len()).map(|row| (nearness(row), row)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, row)) = nearest else { break };
+        let weight = |handle: usize| boundary.fixed_weights[handle * boundary.fixed.len() + row];
+        let heaviest = (1..boundary.handles).fold(0, |best, h| if weight(h) > weight(best) { h } else { best });
+        let values = weights.weights.values_mut();
+        piece.iter().for_each(|&vertex| values[heaviest * n + vertex] = 1.0);
+        followed.push(heaviest);
+    }
+    followed
+}
+
+/// Scales every vertex's weights to sum to one.
+pub fn normalise(weights: &mut WeightMatrix) -> Normalisation {
+    let n = weights.vertices();
+    let mut sums = vec![0.0; n];
+    for column in weights.values().chunks_exact(n.max(1)) {
+        sums.iter_mut().zip(column).for_each(|(sum, weight)| *sum += weight);
+    }
+    for column in weights.values_mut().chunks_exact_mut(n.max(1)) {
+        for (weight, sum) in column.iter_mut().zip(&sums) {
+            if *sum > 0.0 {
+                *weight /= sum;
+            }
+        }
+    }
+    let unweighted: Vec<usize> = (0..n).filter(|&vertex| sums[vertex] <= 0.0).collect();
+    let deviations = || sums.iter().filter(|sum| **sum > 0.0).map(|sum| (sum - 1.0).abs());
+    Normalisation {
+        largest_deviation: deviations().fold(0.0, f64::max),
+        mean_deviation: deviations().sum::<f64>() / (n - unweighted.len()).max(1) as f64,
+        unweighted,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lost_pieces_follow_their_nearest_handle() {
+        let vertices = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
+        let boundary = HandleBoundary { fixed: vec![0, 1], fixed_weights: vec![1.0, 0.25, 0.0, 0.75], handles: 2 };
+        let values = vec![1.0, 0.25, 0.0, 0.0, 0.0, 0.75, 0.0, 0.0];
+        let mut weights = BiharmonicWeights {
+            weights: WeightMatrix::from_columns(4, 2, values).unwrap(),
+            reports: Vec::new(),
+            unreached: vec![vec![2, 3]],
+            factor_entries: 0,
+        };
+        assert_eq!(follow_nearest_handle(&mut weights, &boundary, &vertices), [1]);
+        assert_eq!(weights.weights.bone(1), [0.0, 0.75, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn sums_become_one_and_the_change_is_told() {
+        let mut weights = WeightMatrix::from_columns(3, 2, vec![0.5, 0.3, 0.0, 0.5, 0.5, 0.0]).unwrap();
+        let report = normalise(&mut weights);
+        assert_eq!(weights.values(), [0.5, 0.3 / 0.8, 0.0, 0.5, 0.5 / 0.8, 0.0]);
+        assert!((report.largest_deviation - 0.2).abs() < 1e-15 && (report.mean_deviation - 0.1).abs() < 1e-15);
+        assert_eq!(report.unweighted, [2]);
+        assert_eq!(normalise(&mut WeightMatrix::default()), Normalisation::default());
+    }
+}
