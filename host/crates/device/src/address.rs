@@ -1,7 +1,10 @@
-//! Where a device is: `serial:PATH[@BAUD]`, `tcp:HOST:PORT` or `sim:NAME`.
+//! Where a device is: `serial:PATH[@BAUD]`, `feetech:PATH[@BAUD][,ARM]`, `dynamixel:PATH[@BAUD][,ARM]`, `tcp:HOST:PORT`
+//! or `sim:NAME`.
 
 use std::fmt;
 use std::str::FromStr;
+
+use crate::servo::ServoProtocol;
 
 /// The line speed taken when an address names none, bits a second; USB devices ignore it.
 pub const DEFAULT_BAUD: u32 = 3_000_000;
@@ -25,6 +28,17 @@ pub enum DeviceAddress {
         /// Line speed, bits a second.
         baud: u32,
     },
+    /// An arm of bus servos behind a serial port.
+    Servos {
+        /// Which bus.
+        protocol: ServoProtocol,
+        /// The port's path or name.
+        path: String,
+        /// Where to look for the servos first, bits a second; without it, at the arm's own speed.
+        baud: Option<u32>,
+        /// Which arm, by the name of its preset; without it, the first one there is for this bus.
+        arm: Option<String>,
+    },
     /// A device behind a TCP port.
     Tcp {
         /// Host name or address.
@@ -44,16 +58,17 @@ pub enum DeviceAddress {
 pub enum AddressError {
     /// No `serial:`, `tcp:` or `sim:` in front.
     #[error(
-        "`{given}` is no device address; give serial:PATH[@BAUD], tcp:HOST:PORT or sim:NAME, \
-         for example serial:/dev/ttyACM0, tcp:localhost:7700 or sim:human"
+        "`{given}` is no device address; give serial:PATH[@BAUD], feetech:PATH[@BAUD][,ARM], \
+         dynamixel:PATH[@BAUD][,ARM], tcp:HOST:PORT or sim:NAME, for example serial:/dev/ttyACM0, \
+         feetech:/dev/ttyACM0,so101-leader, tcp:localhost:7700 or sim:human"
     )]
     UnknownKind {
         /// The text.
         given: String,
     },
-    /// `serial:` without a path.
+    /// `serial:`, `feetech:` or `dynamixel:` without a path.
     #[error(
-        "serial: needs the path of a port behind it, for example serial:/dev/ttyACM0 (`armature devices` lists them)"
+        "the path of a port is missing, as in serial:/dev/ttyACM0 or feetech:/dev/ttyACM0 (`armature devices` lists them)"
     )]
     NoPath,
     /// A speed that is none.
@@ -83,6 +98,8 @@ impl FromStr for DeviceAddress {
     fn from_str(text: &str) -> Result<Self, AddressError> {
         match text.split_once(':') {
             Some(("serial", rest)) => parse_serial(rest),
+            Some(("feetech", rest)) => parse_servos(ServoProtocol::Feetech, rest),
+            Some(("dynamixel", rest)) => parse_servos(ServoProtocol::Dynamixel, rest),
             Some(("tcp", rest)) => parse_tcp(rest),
             Some(("sim", "")) => Err(AddressError::NoSimName),
             Some(("sim", name)) => Ok(Self::Sim { name: name.to_owned() }),
@@ -91,19 +108,34 @@ impl FromStr for DeviceAddress {
     }
 }
 
-/// An `@` in a folder's name belongs to the path; one in the last part separates the speed.
 fn parse_serial(rest: &str) -> Result<DeviceAddress, AddressError> {
+    let (path, baud) = parse_port(rest)?;
+    Ok(DeviceAddress::Serial { path, baud: baud.unwrap_or(DEFAULT_BAUD) })
+}
+
+/// The arm's name stands behind the last comma; a path with a comma in its last part needs the name behind it.
+fn parse_servos(protocol: ServoProtocol, rest: &str) -> Result<DeviceAddress, AddressError> {
+    let (port, arm) = match rest.rsplit_once(',') {
+        Some((port, arm)) if !arm.contains('/') => (port, Some(arm.to_owned()).filter(|arm| !arm.is_empty())),
+        _ => (rest, None),
+    };
+    let (path, baud) = parse_port(port)?;
+    Ok(DeviceAddress::Servos { protocol, path, baud, arm })
+}
+
+/// An `@` in a folder's name belongs to the path; one in the last part separates the speed.
+fn parse_port(rest: &str) -> Result<(String, Option<u32>), AddressError> {
     let (path, baud) = match rest.rsplit_once('@') {
         Some((path, speed)) if !speed.contains('/') => match speed.parse() {
-            Ok(baud) if baud > 0 => (path, baud),
+            Ok(baud) if baud > 0 => (path, Some(baud)),
             _ => return Err(AddressError::BadBaud { path: path.to_owned(), given: speed.to_owned() }),
         },
-        _ => (rest, DEFAULT_BAUD),
+        _ => (rest, None),
     };
     if path.is_empty() {
         return Err(AddressError::NoPath);
     }
-    Ok(DeviceAddress::Serial { path: path.to_owned(), baud })
+    Ok((path.to_owned(), baud))
 }
 
 /// The host may be an IPv6 address in brackets.
@@ -122,6 +154,11 @@ impl fmt::Display for DeviceAddress {
         match self {
             Self::Serial { path, baud } if *baud == DEFAULT_BAUD => write!(f, "serial:{path}"),
             Self::Serial { path, baud } => write!(f, "serial:{path}@{baud}"),
+            Self::Servos { protocol, path, baud, arm } => {
+                write!(f, "{}:{path}", protocol.scheme())?;
+                baud.map_or(Ok(()), |baud| write!(f, "@{baud}"))?;
+                arm.as_ref().map_or(Ok(()), |arm| write!(f, ",{arm}"))
+            }
             Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp:[{host}]:{port}"),
             Self::Tcp { host, port } => write!(f, "tcp:{host}:{port}"),
             Self::Sim { name } => write!(f, "sim:{name}"),
@@ -137,6 +174,10 @@ mod tests {
         DeviceAddress::Serial { path: path.into(), baud }
     }
 
+    fn servos(protocol: ServoProtocol, path: &str, baud: Option<u32>, arm: Option<&str>) -> DeviceAddress {
+        DeviceAddress::Servos { protocol, path: path.into(), baud, arm: arm.map(str::to_owned) }
+    }
+
     fn tcp(host: &str, port: u16) -> DeviceAddress {
         DeviceAddress::Tcp { host: host.into(), port }
     }
@@ -148,6 +189,15 @@ mod tests {
             ("serial:/dev/pts/7@115200", serial("/dev/pts/7", 115_200)),
             ("serial:/dev/odd@folder/tty", serial("/dev/odd@folder/tty", DEFAULT_BAUD)),
             ("serial:COM3", serial("COM3", DEFAULT_BAUD)),
+            ("feetech:/dev/ttyACM0", servos(ServoProtocol::Feetech, "/dev/ttyACM0", None, None)),
+            (
+                "feetech:/dev/ttyACM0,so101-leader",
+                servos(ServoProtocol::Feetech, "/dev/ttyACM0", None, Some("so101-leader")),
+            ),
+            (
+                "dynamixel:/dev/a,b@c/0@57600,gello",
+                servos(ServoProtocol::Dynamixel, "/dev/a,b@c/0", Some(57_600), Some("gello")),
+            ),
             ("tcp:localhost:7700", tcp("localhost", 7_700)),
             ("tcp:[::1]:7700", tcp("::1", 7_700)),
             ("sim:human", DeviceAddress::Sim { name: "human".into() }),
@@ -160,9 +210,21 @@ mod tests {
 
     #[test]
     fn wrong_addresses_are_explained_by_example() {
-        for text in ["", "/dev/ttyACM0", "usb:1", "serial:", "serial:@9600", "serial:x@", "serial:x@fast", "serial:x@0"]
-            .into_iter()
-            .chain(["tcp:", "tcp:host", "tcp::80", "tcp:host:0", "tcp:host:70000", "sim:"])
+        for text in [
+            "",
+            "/dev/ttyACM0",
+            "usb:1",
+            "serial:",
+            "serial:@9600",
+            "serial:x@",
+            "serial:x@fast",
+            "serial:x@0",
+            "feetech:",
+            "dynamixel:,gello",
+            "feetech:x@fast",
+        ]
+        .into_iter()
+        .chain(["tcp:", "tcp:host", "tcp::80", "tcp:host:0", "tcp:host:70000", "sim:"])
         {
             let error = text.parse::<DeviceAddress>().expect_err(text);
             let message = error.to_string();

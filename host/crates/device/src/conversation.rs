@@ -130,6 +130,17 @@ impl Conversation {
         self.tree = Tree::default();
     }
 
+    /// The line is a new one: what was on its way is lost, and the device may be too.
+    pub(crate) fn line_opened(&mut self, events: &mut Vec<Event>) {
+        if self.device.is_some() {
+            events.push(Event::Restarted);
+        }
+        self.begin_again();
+        self.wrong_major = false;
+        // As at the beginning: a delimiter cuts off whatever the line held.
+        self.outgoing = vec![0];
+    }
+
     fn drop_withheld(&mut self) {
         let dropped = self.tree.withheld.len() as u64;
         self.tree.withheld.clear();

@@ -54,3 +54,20 @@ pub fn list_serial_ports() -> Result<Vec<SerialPortDescription>, DeviceProblem> 
     ports.sort_by(|a, b| (a.usb.is_none(), &a.path).cmp(&(b.usb.is_none(), &b.path)));
     Ok(ports)
 }
+
+/// What the USB device behind this port says about itself.
+pub(crate) fn usb_behind(path: &str) -> Option<UsbDescription> {
+    // A link in /dev/serial/by-id is the port that it leads to.
+    let real = std::fs::canonicalize(path).map_or_else(|_| path.to_owned(), |real| real.to_string_lossy().into_owned());
+    list_serial_ports().ok()?.into_iter().find(|port| port.path == path || port.path == real)?.usb
+}
+
+/// The port at which this very device is now; it may come back under another name. Only a serial number tells it from
+/// another one of its kind.
+pub(crate) fn port_of(usb: &UsbDescription) -> Option<String> {
+    usb.serial_number.as_ref().filter(|number| !number.is_empty())?;
+    let same = |other: &UsbDescription| {
+        (usb.vendor_id, usb.product_id, &usb.serial_number) == (other.vendor_id, other.product_id, &other.serial_number)
+    };
+    list_serial_ports().ok()?.into_iter().find(|port| port.usb.as_ref().is_some_and(same)).map(|port| port.path)
+}

@@ -82,10 +82,20 @@ pub enum DeviceProblem {
         port: String,
     },
     /// The port may not be opened.
-    #[error("{port} may not be opened by this user{}", if cfg!(target_os = "linux") { ": add yourself to the group that owns it (`sudo usermod -aG dialout $USER` on most systems), then log out and in" } else { "" })]
+    #[error("{port} may not be opened by this user{}", permission_remedy(group.as_deref()))]
     PermissionDenied {
         /// The port.
         port: String,
+        /// The group that may use it.
+        group: Option<String>,
+    },
+    /// After the line was lost, another device was found at it.
+    #[error(
+        "the device that is plugged in now ({found}) is not the one that was used; plug that one in again, or connect anew"
+    )]
+    AnotherDevice {
+        /// Who is there now.
+        found: String,
     },
     /// The path leads to something else.
     #[error("{port} cannot be used as a serial port ({reason}): `armature devices` lists the ports there are")]
@@ -109,6 +119,9 @@ pub enum DeviceProblem {
         /// What the operating system said.
         reason: String,
     },
+    /// No such arm.
+    #[error(transparent)]
+    UnknownArm(#[from] crate::servo::UnknownArm),
     /// Nobody on the bus answered.
     #[error(
         "no servo of the {arm} answers at any of {bauds} baud: is its power supply on, is this the right port, and does \
@@ -134,6 +147,18 @@ pub enum DeviceProblem {
         /// Its name.
         name: String,
     },
+}
+
+/// Where one cannot simply join a group, a rule for the device manager does.
+fn permission_remedy(group: Option<&str>) -> String {
+    if !cfg!(target_os = "linux") {
+        return String::new();
+    }
+    let group = group.filter(|group| *group != "root").unwrap_or("dialout");
+    format!(
+        ": add yourself to the group that may (`sudo usermod -aG {group} $USER`, then log out and in), or copy \
+         host/crates/device/udev/70-armature.rules to /etc/udev/rules.d and plug the device in again"
+    )
 }
 
 fn refusal(reason: RefusalReason) -> String {

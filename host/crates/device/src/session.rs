@@ -101,6 +101,19 @@ impl Session {
         self.conversation.want_blink(uid, duration_millis);
     }
 
+    /// The line was lost and is open again: everything begins anew from the hello, at once. What the host wants stays,
+    /// so samples come again by themselves.
+    pub fn line_opened(&mut self, now: Duration, events: &mut Vec<Event>) {
+        self.decoder.reset();
+        self.conversation.line_opened(events);
+        self.last_byte = now;
+        self.last_frame = None;
+        self.frameless = None;
+        self.silence_reported = false;
+        self.garbage_reported = false;
+        self.pursue(now, events);
+    }
+
     /// Takes bytes that arrived at this time, in whatever portions; appends what they mean to `events`.
     pub fn receive(&mut self, now: Duration, bytes: &[u8], events: &mut Vec<Event>) {
         if bytes.is_empty() {

@@ -11,18 +11,41 @@ use crate::{DeviceAddress, DeviceProblem};
 
 /// Time a network device has to accept a connection.
 const TCP_PATIENCE: Duration = Duration::from_secs(5);
+/// The speed at which a line to servos is opened; the session goes on from there.
+const FIRST_SERVO_BAUD: u32 = 1_000_000;
 /// Bytes each way of a line in memory; about 250 samples of 96 sensors.
 const MEMORY_CAPACITY: usize = 1 << 16;
 
 /// A line: bytes in, bytes out, in order. Reading 0 bytes means that the other end is gone.
-pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
+pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {
+    /// Goes to another speed, bits a second; lines that have none stay as they are.
+    fn set_baud(&mut self, _baud: u32) -> std::io::Result<()> {
+        Ok(())
+    }
+}
 
-impl<Line: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for Line {}
+impl Transport for TcpStream {}
+impl Transport for DuplexStream {}
+#[cfg(unix)]
+impl Transport for tokio::net::UnixStream {}
+
+impl Transport for SerialStream {
+    fn set_baud(&mut self, baud: u32) -> std::io::Result<()> {
+        SerialPort::set_baud_rate(self, baud).map_err(std::io::Error::from)
+    }
+}
+
+impl Transport for Box<dyn Transport> {
+    fn set_baud(&mut self, baud: u32) -> std::io::Result<()> {
+        (**self).set_baud(baud)
+    }
+}
 
 /// Opens the line to a device. Must be called on a tokio runtime with I/O and time enabled.
 pub async fn open(address: &DeviceAddress) -> Result<Box<dyn Transport>, DeviceProblem> {
     match address {
         DeviceAddress::Serial { path, baud } => Ok(Box::new(open_serial(path, *baud)?)),
+        DeviceAddress::Servos { path, baud, .. } => Ok(Box::new(open_serial(path, baud.unwrap_or(FIRST_SERVO_BAUD))?)),
         DeviceAddress::Tcp { host, port } => Ok(Box::new(open_tcp(host, *port).await?)),
         DeviceAddress::Sim { name } => Err(DeviceProblem::SimulatedHere { name: name.clone() }),
     }
@@ -50,9 +73,32 @@ fn serial_problem(path: &str, error: &tokio_serial::Error) -> DeviceProblem {
     match error.kind {
         ErrorKind::NoDevice if cfg!(unix) => DeviceProblem::PortBusy { port },
         ErrorKind::Io(std::io::ErrorKind::PermissionDenied) if cfg!(windows) => DeviceProblem::PortBusy { port },
-        ErrorKind::Io(std::io::ErrorKind::PermissionDenied) => DeviceProblem::PermissionDenied { port },
+        ErrorKind::Io(std::io::ErrorKind::PermissionDenied) => {
+            DeviceProblem::PermissionDenied { group: group_of(path), port }
+        }
         ErrorKind::NoDevice | ErrorKind::Io(std::io::ErrorKind::NotFound) => DeviceProblem::PortMissing { port },
         _ => DeviceProblem::NotASerialPort { port, reason: error.to_string() },
+    }
+}
+
+/// The group that may use a port, where the system tells.
+fn group_of(path: &str) -> Option<String> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let group = std::fs::metadata(path).ok()?.gid().to_string();
+        let groups = std::fs::read_to_string("/etc/group").ok()?;
+        // name:password:number:members
+        let name = |line: &str| {
+            let mut fields = line.split(':');
+            fields.next().filter(|_| fields.nth(1) == Some(&group)).map(str::to_owned)
+        };
+        groups.lines().find_map(name)
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = path;
+        None
     }
 }
 

@@ -3,72 +3,15 @@
 #![cfg(unix)]
 
 mod common;
+mod served;
 
-use std::io::{ErrorKind, Read, Write};
 use std::net::TcpListener;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use armature_device::{Connection, DeviceAddress, DeviceProblem, Event, SessionSettings, memory, open};
 use common::{FakeDevice, puppet};
+use served::{Served, pseudo_terminal};
 use tokio::runtime::Handle;
-
-/// A device that runs in a thread of its own until it is unplugged.
-struct Served {
-    unplugged: Arc<AtomicBool>,
-    thread: JoinHandle<FakeDevice>,
-}
-
-impl Served {
-    /// Serves a device on a line that does not block. The line is closed when the device is unplugged.
-    fn on(mut line: impl Read + Write + Send + 'static, mut device: FakeDevice) -> Self {
-        let unplugged = Arc::new(AtomicBool::new(false));
-        let ends = unplugged.clone();
-        let thread = std::thread::spawn(move || {
-            let began = Instant::now();
-            let mut buffer = [0; 4_096];
-            while !ends.load(Ordering::Relaxed) {
-                match line.read(&mut buffer) {
-                    Ok(0) => break,
-                    Ok(length) => device.hear(began.elapsed(), &buffer[..length]),
-                    Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::sleep(Duration::from_millis(1)),
-                    Err(_) => break,
-                }
-                device.step(began.elapsed());
-                let mut out = device.take_outgoing();
-                while !out.is_empty() && !ends.load(Ordering::Relaxed) {
-                    match line.write(&out) {
-                        Ok(length) => drop(out.drain(..length)),
-                        Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::yield_now(),
-                        Err(_) => return device,
-                    }
-                }
-            }
-            device
-        });
-        Self { unplugged, thread }
-    }
-
-    fn unplug(self) -> FakeDevice {
-        self.unplugged.store(true, Ordering::Relaxed);
-        self.thread.join().expect("the device does not panic")
-    }
-}
-
-/// Opens a pseudo terminal in raw mode: the side of the device, a file that keeps the other side open, its path.
-fn pseudo_terminal() -> (std::fs::File, std::fs::File, String) {
-    use nix::fcntl::{FcntlArg, OFlag, fcntl};
-    use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
-    let pair = nix::pty::openpty(None, None).expect("a pseudo terminal");
-    let mut mode = tcgetattr(&pair.slave).expect("its mode");
-    cfmakeraw(&mut mode);
-    tcsetattr(&pair.slave, SetArg::TCSANOW, &mode).expect("raw mode");
-    fcntl(&pair.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).expect("no blocking");
-    let path = nix::unistd::ttyname(&pair.slave).expect("its path");
-    (pair.master.into(), pair.slave.into(), path.to_string_lossy().into_owned())
-}
 
 /// The next event that is no clock estimate.
 async fn next(connection: &mut Connection) -> Event {
@@ -195,7 +138,7 @@ async fn a_dropped_connection_stops_the_device() {
     connection.start(100_000);
     while !matches!(next(&mut connection).await, Event::Sample(_)) {}
     drop(connection);
-    let device = tokio::task::spawn_blocking(|| device.thread.join()).await.unwrap().expect("the line is closed");
+    let device = tokio::task::spawn_blocking(|| device.join()).await.unwrap().expect("the line is closed");
     assert!(!device.streaming, "it was stopped before the line was closed");
 }
 

@@ -31,6 +31,7 @@ pub(crate) fn puppet(joints: u8) -> Vec<Part> {
 pub(crate) struct FakeDevice {
     decoder: Decoder<64>,
     out: Vec<u8>,
+    pub(crate) uid: PartUid,
     pub(crate) major: u8,
     pub(crate) parts: Vec<Part>,
     pub(crate) epoch: u16,
@@ -53,6 +54,7 @@ impl FakeDevice {
         Self {
             decoder: Decoder::with_capacity(),
             out: Vec::new(),
+            uid: UID,
             major: 1,
             parts,
             epoch: 1,
@@ -82,13 +84,13 @@ impl FakeDevice {
     }
 
     pub(crate) fn hello(&mut self) {
-        let (protocol_major, max_rate_millihertz) = (self.major, self.max_rate_millihertz);
+        let (protocol_major, max_rate_millihertz, uid) = (self.major, self.max_rate_millihertz, self.uid);
         self.say(&Hello {
             protocol_major,
             protocol_minor: 0,
             features: features::BLINK,
             firmware: [1, 2, 3],
-            uid: UID,
+            uid,
             max_rate_millihertz,
             name: "fake",
         });
