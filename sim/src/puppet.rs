@@ -1,9 +1,9 @@
 //! The device: requests in, answers and samples out, on a clock that the caller moves.
 
 use firmware_protocol::{
-    Acknowledge, Decoder, Hello, HostMessage, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParseError, PartRecord, PartUid, Pong,
-    RateSet, RefusalReason, Refuse, SampleMessage, SensorState, TopologyChanged, features, frame_length, message_type,
-    sample_payload_length, topology_messages,
+    Acknowledge, Decoder, Hello, HostMessage, MAX_RECORDS, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParseError, PartRecord,
+    PartUid, Pong, RateSet, RefusalReason, Refuse, SampleMessage, SensorState, TopologyChanged, TopologyMessage,
+    features, frame_length, message_type, sample_payload_length, topology_messages,
 };
 
 use crate::body::Body;
@@ -286,8 +286,15 @@ impl Puppet {
                 self.say_hello(out);
             }
             HostMessage::TopologyRequest => {
-                for message in topology_messages(self.epoch, &self.records) {
+                let (epoch, records) = (self.epoch, self.settings.topology_records.clamp(1, MAX_RECORDS));
+                let part_count = self.records.len() as u16;
+                let at_once = topology_messages(epoch, &self.records).map(|message| message.records);
+                let pieces = at_once.flat_map(|part| part.chunks(records).chain(part.is_empty().then_some(part)));
+                let mut first_index = 0;
+                for records in pieces {
+                    let message = TopologyMessage { epoch, part_count, first_index, records };
                     self.line.send(&message, &mut self.truth, out);
+                    first_index += records.len() as u16;
                 }
             }
             HostMessage::SetRate { rate_millihertz } => {

@@ -1,5 +1,7 @@
 //! Everything that can be chosen about an emulated puppet.
 
+use firmware_protocol::MAX_RECORDS;
+
 use crate::body::Body;
 use crate::faults::Faults;
 use crate::motion::Motion;
@@ -28,6 +30,8 @@ pub struct PuppetSettings {
     pub max_rate_millihertz: u32,
     /// The speed of the line, bits a second with ten bits a byte; limits the rate. `None`: as fast as you like.
     pub line_baud: Option<u32>,
+    /// Parts described in one message, 1 to 46. Long messages are fewer, short ones get through noise.
+    pub topology_records: usize,
     /// What goes wrong.
     pub faults: Faults,
 }
@@ -46,6 +50,7 @@ impl PuppetSettings {
             noise_counts: 0.0,
             max_rate_millihertz: 1_000_000,
             line_baud: None,
+            topology_records: MAX_RECORDS,
             faults: Faults::default(),
         }
     }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use armature_rig::Motion as RigMotion;
+use firmware_protocol::MAX_RECORDS;
 
 use super::ServeSettings;
 use crate::body::{Body, BodyError};
@@ -192,6 +193,7 @@ impl Options {
             noise_counts: self.noise,
             max_rate_millihertz: (self.rate * 1000.0) as u32,
             line_baud: self.baud,
+            topology_records: MAX_RECORDS,
             faults: self.faults(&body)?,
             body,
         })

@@ -211,7 +211,9 @@ impl Pump {
         loop {
             let end = self.carry(line).await;
             let lost = Instant::now();
-            match (end, &self.whereabouts) {
+            // Where nobody ever introduced himself there is nobody to come back.
+            let known = self.whereabouts.as_ref().filter(|_| self.owner.is_some());
+            match (end, known) {
                 (End::Closed, _) => return,
                 (End::Lost(reason), None) => {
                     return self.hand_on(vec![Event::Problem(DeviceProblem::Disconnected { reason })]).await;
@@ -220,7 +222,7 @@ impl Pump {
                     self.hand_on(vec![Event::Notice(DeviceNotice::LineLost { reason })]).await;
                 }
                 (End::Foreign, whereabouts) => {
-                    let whereabouts = whereabouts.clone();
+                    let whereabouts = whereabouts.cloned();
                     if !self.wait_until_gone(whereabouts).await {
                         return;
                     }

@@ -2,6 +2,7 @@
 
 use serialport::SerialPortType;
 
+use crate::servo::ServoProtocol;
 use crate::{DEFAULT_BAUD, DeviceAddress, DeviceProblem};
 
 /// A serial port that may have a device behind it.
@@ -13,6 +14,39 @@ pub struct SerialPortDescription {
     pub path: String,
     /// What a port on USB says about itself.
     pub usb: Option<UsbDescription>,
+}
+
+impl SerialPortDescription {
+    /// What may be behind this port, from what its USB chip is commonly built into; `None` where nothing is known. It
+    /// is a guess: nothing is opened to find out.
+    pub fn guess(&self) -> Option<DeviceGuess> {
+        let usb = self.usb.as_ref()?;
+        let guess = match (usb.vendor_id, usb.product_id) {
+            (0x1A86, 0x55D3 | 0x7523 | 0x7522) => DeviceGuess::Servos(ServoProtocol::Feetech),
+            (0x0403, 0x6014) | (0x2F5D, _) => DeviceGuess::Servos(ServoProtocol::Dynamixel),
+            _ => DeviceGuess::Puppet,
+        };
+        Some(guess)
+    }
+
+    /// The address at which to try what the guess says.
+    pub fn guessed_address(&self) -> DeviceAddress {
+        match self.guess() {
+            Some(DeviceGuess::Servos(protocol)) => {
+                DeviceAddress::Servos { protocol, path: self.path.clone(), baud: None, arm: None }
+            }
+            Some(DeviceGuess::Puppet) | None => self.address.clone(),
+        }
+    }
+}
+
+/// What may be behind a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceGuess {
+    /// A puppet that speaks our protocol.
+    Puppet,
+    /// An arm of servos on this bus.
+    Servos(ServoProtocol),
 }
 
 /// What a USB device says about itself.

@@ -28,7 +28,7 @@ mod transport;
 pub use address::{AddressError, DEFAULT_BAUD, DeviceAddress};
 pub use clock::ClockEstimate;
 pub use connection::{Connection, ConnectionSettings};
-pub use discovery::{SerialPortDescription, UsbDescription, list_serial_ports};
+pub use discovery::{DeviceGuess, SerialPortDescription, UsbDescription, list_serial_ports};
 pub use event::{DeviceInfo, Event, Sample, SessionCounters};
 pub use firmware_protocol::{PartKind, PartRecord as Part, PartUid, RefusalReason, SensorState, features};
 pub use notice::DeviceNotice;

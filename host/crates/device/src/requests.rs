@@ -87,6 +87,11 @@ impl Requests {
         self.waiting[kind.slot()].is_none_or(|waiting| now >= waiting.ask_again)
     }
 
+    /// How often this has been asked without an answer.
+    pub(crate) fn times_asked(&self, kind: RequestKind) -> u32 {
+        self.waiting[kind.slot()].map_or(0, |waiting| waiting.asked)
+    }
+
     /// Notes that it is sent; returns how often it has been sent before without an answer.
     pub(crate) fn asked(&mut self, kind: RequestKind, now: Duration, patience: Duration) -> u32 {
         let slot = &mut self.waiting[kind.slot()];

@@ -1,6 +1,6 @@
 //! The tree of parts: put together from its messages, and checked.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use firmware_protocol::{MAX_SENSORS, TopologyChunk};
 
@@ -147,36 +147,28 @@ fn check_shape(index: usize, part: &Part) -> Result<(), TopologyProblem> {
     Ok(())
 }
 
-/// Puts the messages of one description together. Room is only taken for parts that have come.
+/// Puts the messages of one description together. What is missing of one answer may come with the next, so that a long
+/// tree gets through noise. Room is only taken for parts that have come.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Assembly {
-    begun: bool,
     epoch: u16,
     part_count: u16,
-    parts: Vec<Part>,
+    parts: BTreeMap<u16, Part>,
 }
 
 impl Assembly {
-    /// Takes a message; returns the checked tree when it was the last one. A message out of order ends the attempt,
-    /// and the request is repeated after its time.
+    /// Takes a message; returns the checked tree when it was the last one. Another epoch or length begins anew.
     pub(crate) fn take(&mut self, chunk: &TopologyChunk<'_>) -> Option<Result<Topology, TopologyProblem>> {
-        if chunk.first_index == 0 {
-            *self = Self { begun: true, epoch: chunk.epoch, part_count: chunk.part_count, parts: Vec::new() };
+        if (chunk.epoch, chunk.part_count) != (self.epoch, self.part_count) {
+            *self = Self { epoch: chunk.epoch, part_count: chunk.part_count, parts: BTreeMap::new() };
         }
-        let follows = self.begun
-            && chunk.epoch == self.epoch
-            && chunk.part_count == self.part_count
-            && usize::from(chunk.first_index) == self.parts.len();
-        if !follows {
-            self.begun = false;
-            return None;
-        }
-        self.parts.extend(chunk.records());
+        let numbered = (chunk.first_index..chunk.part_count).zip(chunk.records());
+        self.parts.extend(numbered);
         if self.parts.len() < usize::from(self.part_count) {
             return None;
         }
-        self.begun = false;
-        Some(Topology::new(self.epoch, std::mem::take(&mut self.parts)))
+        let parts = std::mem::take(&mut self.parts).into_values().collect();
+        Some(Topology::new(self.epoch, parts))
     }
 }
 
