@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use armature_sim::serve::{self, Options, ServeReport};
+use armature_sim::servo::ServoBusTruth;
 use clap::Parser;
 
 /// Emulates a puppet behind the wire protocol.
@@ -16,7 +17,7 @@ use clap::Parser;
 #[command(
     version,
     after_help = "Examples:\n  armature-sim human --motion walk\n  armature-sim walk.bvh --tcp \
-                                 127.0.0.1:7000\n  armature-sim human --motion walk.bvh --flip 1e-4 --burst 3:1 \
+                                 127.0.0.1:7000\n  armature-sim so101-leader --flip 1e-3 --no-data 2@5:3\n  armature-sim human --motion walk.bvh --flip 1e-4 --burst 3:1 \
                                  --pull left_elbow@5:2"
 )]
 struct Cli {
@@ -35,9 +36,13 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    match run(&cli) {
+    let outcome = match run_arm(&cli) {
+        Some(arm) => arm.map(|truth| format!("{truth:#?}")),
+        None => run(&cli).map(|report| format!("{report:#?}")),
+    };
+    match outcome {
         Ok(report) => {
-            eprintln!("{report:#?}");
+            eprintln!("{report}");
             ExitCode::SUCCESS
         }
         Err(Failure::Options(error)) => fail(&error, 3),
@@ -50,6 +55,22 @@ enum Failure {
     Serve(serve::ServeError),
 }
 
+/// Serves an arm of servos, if that is what the name means.
+fn run_arm(cli: &Cli) -> Option<Result<ServoBusTruth, Failure>> {
+    let bus = cli.options.servo_bus()?;
+    let stop = Arc::new(AtomicBool::new(false));
+    if cli.until_input_ends {
+        serve::stop_when_input_ends(Arc::clone(&stop));
+    }
+    Some(bus.map_err(Failure::Options).and_then(|bus| serve::bus(bus, &stop, tell).map_err(Failure::Serve)))
+}
+
+fn tell(address: &str) {
+    let mut out = io::stdout();
+    // Whoever started this may have gone already; then nobody needs the address.
+    let _ = writeln!(out, "{address}").and_then(|()| out.flush());
+}
+
 fn run(cli: &Cli) -> Result<ServeReport, Failure> {
     let puppet = cli.options.puppet().map_err(Failure::Options)?;
     let settings = cli.options.serve_settings();
@@ -57,14 +78,9 @@ fn run(cli: &Cli) -> Result<ServeReport, Failure> {
     if cli.until_input_ends {
         serve::stop_when_input_ends(Arc::clone(&stop));
     }
-    let ready = |address: &str| {
-        let mut out = io::stdout();
-        // Whoever started this may have gone already; then nobody needs the address.
-        let _ = writeln!(out, "{address}").and_then(|()| out.flush());
-    };
     let report = match &cli.tcp {
-        Some(address) => serve::tcp(puppet, address, &settings, &stop, ready),
-        None => serve::pty(puppet, &settings, &stop, ready),
+        Some(address) => serve::tcp(puppet, address, &settings, &stop, tell),
+        None => serve::pty(puppet, &settings, &stop, tell),
     };
     report.map_err(Failure::Serve)
 }

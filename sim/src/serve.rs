@@ -9,12 +9,14 @@ use std::time::{Duration, Instant};
 use crate::faults::Truth;
 use crate::puppet::Puppet;
 
+mod bus;
 mod options;
 #[cfg(unix)]
 mod pseudo_terminal;
 mod queue;
 mod socket;
 
+pub use bus::bus;
 pub use options::{Options, OptionsError, Place};
 
 use queue::Queue;

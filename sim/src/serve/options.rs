@@ -13,6 +13,7 @@ use crate::motion::{Motion, TrackEnd};
 use crate::motion_file::{MotionFileError, puppet_from_motion};
 use crate::puppet::Puppet;
 use crate::retarget::retarget;
+use crate::servo::{ServoBus, ServoBusError, ServoBusSettings};
 use crate::settings::{PuppetSettings, SettingsError};
 
 /// Where to serve.
@@ -27,7 +28,8 @@ pub enum Place {
 /// Which puppet to emulate, what it does and what goes wrong. Times are in seconds.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// human, spider, hand, joints:N, or a BVH file (one joint a bone)
+    /// human, spider, hand, joints:N, or a BVH file (one joint a bone); so101-leader, koch-leader, gello or gello-franka:
+    /// an arm of bus servos, on a pseudo-terminal only
     #[arg(default_value = "human")]
     pub puppet: String,
     /// rest, walk, wave, walk+wave, wiggle, or a BVH file of a human figure [default: the puppet's own file, wiggle for joints:N, else walk]
@@ -124,6 +126,9 @@ pub enum OptionsError {
     /// Impossible settings.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// No such bus of servos.
+    #[error(transparent)]
+    ServoBus(#[from] ServoBusError),
     /// No such motion.
     #[error("there is no motion called {0:?}; choose rest, walk, wave, walk+wave, wiggle or a .bvh file")]
     UnknownMotion(String),
@@ -197,6 +202,19 @@ impl Options {
             faults: self.faults(&body)?,
             body,
         })
+    }
+
+    /// The bus of servos, if the name is that of an arm; sensors are its servos.
+    pub fn servo_bus(&self) -> Option<Result<ServoBus, OptionsError>> {
+        let settings = ServoBusSettings::preset(&self.puppet, self.seed).ok()?;
+        Some(self.servo_bus_of(settings))
+    }
+
+    fn servo_bus_of(&self, mut settings: ServoBusSettings) -> Result<ServoBus, OptionsError> {
+        let no_parts = Body::preset("joints:1", self.seed)?;
+        settings.faults = self.faults(&no_parts)?;
+        settings.baud = self.baud.unwrap_or(settings.baud);
+        Ok(ServoBus::new(settings)?)
     }
 
     /// How to serve it.

@@ -17,7 +17,14 @@ use super::socket::{read_all, wait_for, write_some};
 #[derive(Debug)]
 pub(super) struct PseudoTerminal {
     ours: File,
-    _theirs: OwnedFd,
+    theirs: OwnedFd,
+}
+
+impl PseudoTerminal {
+    /// The speed that the host has set at its end, bits a second.
+    pub(super) fn host_baud(&self) -> io::Result<u32> {
+        Ok(rustix::termios::tcgetattr(&self.theirs)?.output_speed())
+    }
 }
 
 /// Opens one; the host's end is raw before anything is written, so that nothing is echoed or translated.
@@ -30,7 +37,7 @@ pub(super) fn open() -> io::Result<(PseudoTerminal, String)> {
     let flags = OFlag::from_bits_retain(fcntl(&pair.master, FcntlArg::F_GETFL)?);
     fcntl(&pair.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
     let path = path.into_os_string().into_string().map_err(|_| io::Error::other("the terminal's path is not text"))?;
-    Ok((PseudoTerminal { ours: File::from(pair.master), _theirs: pair.slave }, path))
+    Ok((PseudoTerminal { ours: File::from(pair.master), theirs: pair.slave }, path))
 }
 
 impl Port for PseudoTerminal {

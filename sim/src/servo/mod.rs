@@ -111,6 +111,11 @@ impl ServoBus {
         self.on_the_way.front().map(|(at, _)| *at).into_iter().chain(noise).min()
     }
 
+    /// Which wire format it speaks.
+    pub fn kind(&self) -> BusKind {
+        self.settings.kind
+    }
+
     /// What really happened.
     pub fn truth(&self) -> ServoBusTruth {
         self.truth

@@ -5,34 +5,62 @@ use std::time::Duration;
 
 /// Pings in flight at most; older ones are given up.
 const IN_FLIGHT: usize = 16;
-/// Measurements among which the shortest round trip is looked for. At one ping a second the clocks of two quartzes
-/// (100 parts in a million apart) drift by 1.6 ms meanwhile.
-const REMEMBERED: usize = 16;
+/// Measurements that are kept; at one ping a second the last minute.
+const REMEMBERED: usize = 64;
+/// How much two clocks may differ in speed before anything is known: two cheap quartzes, 100 parts in a million each.
+const WORST_DRIFT: f64 = 200e-6;
+/// An estimate whose drift is known this much better than the last one told is told too.
+const WORTH_TELLING: f64 = 0.7;
 
 /// How the device's clock stands to the session's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockEstimate {
-    /// Device clock minus session clock, seconds.
+    /// Device clock minus session clock when it was measured, seconds.
     pub offset_seconds: f64,
     /// The round trip it was measured by, seconds; the offset is off by at most half of that.
     pub round_trip_seconds: f64,
     /// When it was measured, in the session's time.
     pub measured: Duration,
+    /// How much faster the device's clock runs: seconds it gains in a second.
+    pub drift: f64,
+    /// The drift is off by at most this, as long as it is constant over a minute.
+    pub drift_error: f64,
 }
 
 impl ClockEstimate {
     /// The session's time at which the device's clock showed this, seconds; before the session began it is negative.
     pub fn session_seconds(&self, device_micros: u64) -> f64 {
-        device_micros as f64 * 1e-6 - self.offset_seconds
+        let measured = self.measured.as_secs_f64();
+        let since = device_micros as f64 * 1e-6 - measured - self.offset_seconds;
+        measured + since / (1.0 + self.drift)
+    }
+
+    /// By how much [`session_seconds`](Self::session_seconds) is off at most at a time of the session, seconds.
+    pub fn error_seconds(&self, session_seconds: f64) -> f64 {
+        let away = (session_seconds - self.measured.as_secs_f64()).abs();
+        self.round_trip_seconds / 2.0 + self.drift_error * away
     }
 }
 
-/// Pairs pings with pongs and keeps the measurement with the shortest round trip.
+/// All in seconds.
+#[derive(Clone, Copy, Debug)]
+struct Measurement {
+    offset: f64,
+    round_trip: f64,
+    /// The session's time half way between ping and pong.
+    at: f64,
+}
+
+/// Pairs pings with pongs. Each bounds the offset by half its round trip; two bound the drift between them, and the
+/// bounds of all pairs hold together.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ClockFilter {
     next_token: u64,
     in_flight: VecDeque<(u64, Duration)>,
-    measurements: VecDeque<ClockEstimate>,
+    measurements: VecDeque<Measurement>,
+    drift: Option<(f64, f64)>,
+    best: Option<ClockEstimate>,
+    told: Option<ClockEstimate>,
 }
 
 impl ClockFilter {
@@ -47,7 +75,7 @@ impl ClockFilter {
         token
     }
 
-    /// Takes a pong; returns the estimate if this measurement is the best of those remembered.
+    /// Takes a pong; returns the estimate if it has become better, or if its measurement had to be replaced.
     pub(crate) fn pong(
         &mut self,
         now: Duration,
@@ -59,26 +87,72 @@ impl ClockFilter {
         let (_, pinged) = self.in_flight.remove(at)?;
         let held = sent_micros.checked_sub(received_micros)?;
         let away = now.checked_sub(pinged)?.as_secs_f64();
-        let round_trip_seconds = (away - held as f64 * 1e-6).max(0.0);
         let there = (received_micros as f64 + held as f64 / 2.0) * 1e-6;
         let here = pinged.as_secs_f64() + away / 2.0;
-        let measured = ClockEstimate { offset_seconds: there - here, round_trip_seconds, measured: now };
         if self.measurements.len() == REMEMBERED {
             self.measurements.pop_front();
         }
-        self.measurements.push_back(measured);
-        (self.best() == Some(measured)).then_some(measured)
+        let round_trip = (away - held as f64 * 1e-6).max(0.0);
+        self.measurements.push_back(Measurement { offset: there - here, round_trip, at: here });
+        self.bound_drift();
+        self.best = self.choose(now.as_secs_f64());
+        let (best, told) = (self.best?, self.told);
+        let better = told
+            .is_none_or(|told| best.measured != told.measured || best.drift_error < WORTH_TELLING * told.drift_error);
+        if better {
+            self.told = Some(best);
+        }
+        better.then_some(best)
     }
 
-    /// The best of the measurements remembered.
+    /// The drifts that all pairs of measurements allow. A clock whose speed changes may leave none; then the pairs with
+    /// the latest measurement have the say.
+    fn bound_drift(&mut self) {
+        let all = self.allowed(self.measurements.iter());
+        let allowed = all.or_else(|| self.allowed(self.measurements.iter().rev().take(1)));
+        self.drift = allowed.or(self.drift);
+    }
+
+    /// Middle and half width of the drifts that these measurements allow together with all others.
+    fn allowed<'a>(&self, with: impl Iterator<Item = &'a Measurement>) -> Option<(f64, f64)> {
+        let (mut least, mut most) = (-WORST_DRIFT, WORST_DRIFT);
+        for one in with {
+            for other in &self.measurements {
+                let apart = one.at - other.at;
+                if apart <= 0.0 {
+                    continue;
+                }
+                let middle = (one.offset - other.offset) / apart;
+                let slack = f64::midpoint(one.round_trip, other.round_trip) / apart;
+                least = least.max(middle - slack);
+                most = most.min(middle + slack);
+            }
+        }
+        (least <= most).then_some((f64::midpoint(least, most), (most - least) / 2.0))
+    }
+
+    /// The measurement that says most about now.
+    fn choose(&self, now: f64) -> Option<ClockEstimate> {
+        let (drift, drift_error) = self.drift.unwrap_or((0.0, WORST_DRIFT));
+        let estimate = |measurement: &Measurement| ClockEstimate {
+            offset_seconds: measurement.offset,
+            round_trip_seconds: measurement.round_trip,
+            measured: Duration::from_secs_f64(measurement.at.max(0.0)),
+            drift,
+            drift_error,
+        };
+        let estimates = self.measurements.iter().map(estimate);
+        estimates.min_by(|a, b| a.error_seconds(now).total_cmp(&b.error_seconds(now)))
+    }
+
+    /// The best of what is known.
     pub(crate) fn best(&self) -> Option<ClockEstimate> {
-        self.measurements.iter().copied().min_by(|a, b| a.round_trip_seconds.total_cmp(&b.round_trip_seconds))
+        self.best
     }
 
     /// Forgets everything measured, as when the device's clock starts anew; tokens are never used twice.
     pub(crate) fn forget(&mut self) {
-        self.in_flight.clear();
-        self.measurements.clear();
+        *self = Self { next_token: self.next_token, ..Self::default() };
     }
 }
 
@@ -114,14 +188,16 @@ mod tests {
         let best = filter.best().expect("there were pongs");
         assert!((best.round_trip_seconds - 0.001_2).abs() < 2e-6);
         assert!((best.offset_seconds - OFFSET).abs() <= best.round_trip_seconds / 2.0 + 2e-6);
-        assert_eq!(exchange(&mut filter, 16.0, 0.1, 0.1), None, "a slow one does not replace it");
+        let measured = best.measured;
+        let slow = exchange(&mut filter, 16.0, 0.1, 0.1);
+        assert!(slow.is_none_or(|slow| slow.measured == measured), "a slow one does not replace it");
     }
 
     #[test]
     fn old_measurements_are_forgotten() {
         let mut filter = ClockFilter::default();
         exchange(&mut filter, 0.0, 0.000_1, 0.000_1);
-        for step in 1..20 {
+        for step in 1..70 {
             exchange(&mut filter, f64::from(step), 0.01, 0.01);
         }
         assert!(filter.best().is_some_and(|best| best.round_trip_seconds > 0.019));
@@ -136,5 +212,32 @@ mod tests {
         assert_eq!(filter.pong(Duration::from_secs(2), token, 5, 6), None, "each ping counts once");
         let token = filter.ping(Duration::from_secs(3));
         assert!(filter.pong(Duration::from_secs(4), token, u64::MAX, u64::MAX).is_some());
+    }
+
+    /// A device whose clock runs at another speed, on a line whose ways differ in length all the time.
+    #[test]
+    fn drift_is_found_and_the_error_stated_holds() {
+        for (seed, drift) in [(1_u64, 80e-6), (2, -55e-6), (3, 0.0), (4, 150e-6)] {
+            let (mut filter, mut state) = (ClockFilter::default(), seed);
+            let mut delay = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                0.000_3 + (state >> 40) as f64 / (1_u64 << 24) as f64 * 0.004
+            };
+            let device = |seconds: f64| seconds * (1.0 + drift) + OFFSET;
+            for step in 0..600 {
+                let sent = f64::from(step);
+                let token = filter.ping(Duration::from_secs_f64(sent));
+                let (there, back) = (delay(), delay());
+                let received = (device(sent + there) * 1e6) as u64;
+                filter.pong(Duration::from_secs_f64(sent + there + back), token, received, received);
+                let best = filter.best().expect("there are pongs");
+                let at = sent + 0.5;
+                let off = (best.session_seconds((device(at) * 1e6) as u64) - at).abs();
+                assert!(off <= best.error_seconds(at) + 3e-6, "{step}: off by {off}, {best:?}");
+            }
+            let best = filter.best().expect("there are pongs");
+            assert!((best.drift - drift).abs() <= best.drift_error + 1e-6 && best.drift_error < 30e-6, "{best:?}");
+            assert!(best.error_seconds(600.0) < 0.002, "{best:?}");
+        }
     }
 }
