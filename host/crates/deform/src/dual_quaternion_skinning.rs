@@ -228,7 +228,7 @@ fn blend(layers: &[Layer], bones: &[DualQuaternion]) -> [Lane; 8] {
 
 /// `v + 2 q × (q × v + w v)`.
 #[inline(always)]
-fn turn(motion: &[Lane; 8], v: &[Lane; 3]) -> [Lane; 3] {
+pub(crate) fn turn(motion: &[Lane; 8], v: &[Lane; 3]) -> [Lane; 3] {
     let mut out = [[0.0; LANES]; 3];
     for l in 0..LANES {
         let (w, x, y, z) = (motion[0][l], motion[1][l], motion[2][l], motion[3][l]);
@@ -245,7 +245,7 @@ fn turn(motion: &[Lane; 8], v: &[Lane; 3]) -> [Lane; 3] {
 
 /// Turned, then shifted by `2 (w d − d_w q + q × d)`.
 #[inline(always)]
-fn move_positions(motion: &[Lane; 8], p: &[Lane; 3]) -> [Lane; 3] {
+pub(crate) fn move_positions(motion: &[Lane; 8], p: &[Lane; 3]) -> [Lane; 3] {
     let mut out = turn(motion, p);
     for l in 0..LANES {
         let (w, x, y, z) = (motion[0][l], motion[1][l], motion[2][l], motion[3][l]);
@@ -259,7 +259,7 @@ fn move_positions(motion: &[Lane; 8], p: &[Lane; 3]) -> [Lane; 3] {
 
 /// The last block may be shorter.
 #[inline(always)]
-fn write(lanes: &[Lane; 3], to: &mut [[f32; 3]]) {
+pub(crate) fn write(lanes: &[Lane; 3], to: &mut [[f32; 3]]) {
     for (l, to) in to.iter_mut().enumerate() {
         *to = [lanes[0][l], lanes[1][l], lanes[2][l]];
     }

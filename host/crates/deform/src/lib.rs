@@ -13,6 +13,7 @@ mod linear_blend_skinning;
 mod nearest_rotation;
 mod reduced_arap;
 mod rotation_clusters;
+mod stretch_twist_skinning;
 mod widest;
 
 pub use arap_energy::ArapEnergy;
@@ -23,3 +24,4 @@ pub use reduced_arap::{
     Anchor, ArapError, ArapOutcome, ArapReport, ArapSettings, ArapShape, ArapStop, ArapWarnings, HandleConstraint,
     ReducedArap, SharedJoint,
 };
+pub use stretch_twist_skinning::{BoneBlend, BoneSegment, StretchTwist, StretchTwistSkin};

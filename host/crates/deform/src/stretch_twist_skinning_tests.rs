@@ -1,0 +1,192 @@
+use super::*;
+use crate::{DualQuaternionSkin, LinearBlendSkin};
+
+/// Numbers in [-1, 1), the same in every run.
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 40) as f32 / (1 << 23) as f32) - 1.0
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.roll(), self.roll(), self.roll())
+    }
+
+    fn turn(&mut self) -> Quat {
+        Quat::from_xyzw(self.roll(), self.roll(), self.roll(), self.roll()).normalize()
+    }
+}
+
+struct Scene {
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+    influences: Influences,
+    ends: Vec<f32>,
+    rest: Vec<BoneSegment>,
+}
+
+fn scene(count: usize, dice: &mut Dice) -> Scene {
+    let bones = (0..4 * count).map(|i| ((i / 4 * 7 + i % 4 * 3) % 9) as u16).collect();
+    let weights = (0..4 * count).map(|i| if i % 4 == 0 { 1.1 } else { dice.roll().max(0.0) }).collect();
+    Scene {
+        influences: Influences::new(4, bones, weights, 9).unwrap(),
+        ends: (0..4 * count).map(|_| 0.5 + 0.5 * dice.roll()).collect(),
+        positions: (0..count).map(|_| dice.vector().to_array()).collect(),
+        normals: (0..count).map(|_| (dice.turn() * Vec3::X).to_array()).collect(),
+        rest: (0..9).map(|_| BoneSegment { start: dice.vector(), end: dice.vector() }).collect(),
+    }
+}
+
+type Arrays = (Vec<[f32; 3]>, Vec<[f32; 3]>);
+
+impl Scene {
+    fn skin(&self, pose: &[StretchTwist], blend: BoneBlend) -> Arrays {
+        let (positions, normals) = (&self.positions, &self.normals);
+        let mut skin =
+            StretchTwistSkin::precompute(positions, normals, &self.influences, &self.ends, &self.rest, blend).unwrap();
+        let mut out = (vec![[f32::NAN; 3]; positions.len()], vec![[f32::NAN; 3]; positions.len()]);
+        skin.solve(pose, &mut out.0, &mut out.1).unwrap();
+        out
+    }
+
+    /// Thesis eq. 6.5 for one vertex and one of its influences, in f64: rotation and translation.
+    fn motion(&self, pose: &[StretchTwist], vertex: usize, slot: usize) -> (f64, DQuat, DVec3) {
+        let at = 4 * vertex + slot;
+        let bone = usize::from(self.influences.bones()[at]);
+        let (weight, e) = (f64::from(self.influences.weights()[at]), f64::from(self.ends[at]));
+        let (rest, pose) = (&self.rest[bone], &pose[bone]);
+        let along = (rest.end - rest.start).as_dvec3();
+        let [first, last] = pose.twist.map(f64::from);
+        let twist = DQuat::from_axis_angle(along.normalize(), (1.0 - e) * first + e * last);
+        let turn = pose.turn.as_dquat().normalize() * twist;
+        let stretch = along * (f64::from(pose.stretch) - 1.0) * e;
+        (weight, turn, pose.start.as_dvec3() + turn * (stretch - rest.start.as_dvec3()))
+    }
+}
+
+fn pose(scene: &Scene, twist: f32, stretch: f32, dice: &mut Dice) -> Vec<StretchTwist> {
+    let bone = |_: &BoneSegment| StretchTwist {
+        start: dice.vector(),
+        turn: dice.turn(),
+        stretch: 1.0 + stretch * dice.roll(),
+        twist: [twist * dice.roll(), twist * dice.roll()],
+    };
+    scene.rest.iter().map(bone).collect()
+}
+
+fn apart(a: [f32; 3], b: DVec3) -> f64 {
+    Vec3::from(a).as_dvec3().distance(b)
+}
+
+#[test]
+fn agrees_with_the_formulas_in_f64() {
+    let dice = &mut Dice(1);
+    let scene = scene(1003, dice);
+    let pose = pose(&scene, 2.0, 0.9, dice);
+    let (linear, dual) = (scene.skin(&pose, BoneBlend::Linear), scene.skin(&pose, BoneBlend::DualQuaternion));
+    for vertex in 0..1003 {
+        let p = Vec3::from(scene.positions[vertex]).as_dvec3();
+        let terms: Vec<_> = (0..4).map(|slot| scene.motion(&pose, vertex, slot)).filter(|m| m.0 > 0.0).collect();
+        let blended: DVec3 = terms.iter().map(|(weight, turn, shift)| *weight * (*turn * p + *shift)).sum();
+        assert!(apart(linear.0[vertex], blended) < 1e-5, "{vertex}");
+        let (mut real, mut part) = (DQuat::from_array([0.0; 4]), DQuat::from_array([0.0; 4]));
+        for (weight, turn, shift) in &terms {
+            let weight = if turn.dot(terms[0].1) < 0.0 { -weight } else { *weight };
+            real += *turn * weight;
+            part += DQuat::from_vec4(shift.extend(0.0)) * *turn * (0.5 * weight);
+        }
+        let length = real.length();
+        let (real, part) = (real * (1.0 / length), part * (1.0 / length));
+        let shift = part * 2.0 * real.conjugate();
+        let at = real * p + DVec3::new(shift.x, shift.y, shift.z);
+        assert!(apart(dual.0[vertex], at) < 1e-5, "{vertex}: {}", apart(dual.0[vertex], at));
+        assert!(apart(dual.1[vertex], real * Vec3::from(scene.normals[vertex]).as_dvec3()) < 1e-5);
+    }
+}
+
+#[test]
+fn bones_at_their_length_without_twist_give_the_underlying_method() {
+    let dice = &mut Dice(2);
+    let scene = scene(500, dice);
+    let pose = pose(&scene, 0.0, 0.0, dice);
+    let rest: Vec<Affine3A> = scene.rest.iter().map(|b| Affine3A::from_translation(b.start)).collect();
+    let frames: Vec<Affine3A> = pose.iter().map(|p| Affine3A::from_rotation_translation(p.turn, p.start)).collect();
+    let (p, n, w) = (&scene.positions, &scene.normals, &scene.influences);
+    let mut linear = (p.clone(), n.clone());
+    LinearBlendSkin::precompute(p, n, w, &rest).unwrap().solve(&frames, &mut linear.0, &mut linear.1).unwrap();
+    let mut dual = (p.clone(), n.clone());
+    DualQuaternionSkin::precompute(p, n, w, &rest).unwrap().solve(&frames, &mut dual.0, &mut dual.1).unwrap();
+    for (expected, blend) in [(linear, BoneBlend::Linear), (dual, BoneBlend::DualQuaternion)] {
+        let got = scene.skin(&pose, blend);
+        for vertex in 0..500 {
+            assert!(Vec3::from(got.0[vertex]).distance(expected.0[vertex].into()) < 4e-6);
+            let off = Vec3::from(got.1[vertex]).distance(expected.1[vertex].into());
+            // Where blended matrices nearly cancel, f32 decides little about a normal.
+            assert!(off < if blend == BoneBlend::Linear { 1e-3 } else { 4e-6 }, "{blend:?} {vertex} {off}");
+        }
+    }
+}
+
+#[test]
+fn twist_spreads_along_a_bone_and_stretch_ends_with_it() {
+    // Points along and beyond a bone on x: half way it is half twisted, beyond its end it moves as one.
+    let positions: Vec<[f32; 3]> = [0.0, 1.0, 2.0, 3.0, 5.0].map(|x| [x, 1.0, 0.0]).to_vec();
+    let scene = Scene {
+        normals: vec![[0.0, 1.0, 0.0]; 5],
+        influences: Influences::new(1, vec![0; 5], vec![1.0; 5], 1).unwrap(),
+        ends: vec![0.0, 0.25, 0.5, 0.75, 1.0],
+        rest: vec![BoneSegment { start: Vec3::ZERO, end: Vec3::new(4.0, 0.0, 0.0) }],
+        positions,
+    };
+    let pose = [StretchTwist { start: Vec3::ZERO, turn: Quat::IDENTITY, stretch: 1.5, twist: [0.0, 3.0] }];
+    for blend in [BoneBlend::Linear, BoneBlend::DualQuaternion] {
+        let (positions, normals) = scene.skin(&pose, blend);
+        for vertex in 0..5 {
+            let (e, x) = (scene.ends[vertex], scene.positions[vertex][0]);
+            let expected = Vec3::new(x + 2.0 * e, (3.0 * e).cos(), (3.0 * e).sin());
+            assert!(
+                expected.distance(positions[vertex].into()) < 2e-6,
+                "{blend:?}: {expected} {:?}",
+                positions[vertex]
+            );
+            assert!(Vec3::new(0.0, expected.y, expected.z).distance(normals[vertex].into()) < 2e-6);
+        }
+    }
+}
+
+#[test]
+fn angles_of_any_size_turn_as_they_should() {
+    for step in -4000..4000 {
+        let angle = step as f32 * 0.01;
+        let (sine, cosine) = sine_and_cosine(angle);
+        let (s, c) = f64::from(angle).sin_cos();
+        assert!((f64::from(sine) - s).abs() < 3e-6 && (f64::from(cosine) - c).abs() < 3e-6, "{angle}");
+    }
+    assert_eq!(sine_and_cosine(0.0), (0.0, 1.0));
+}
+
+#[test]
+fn nonsense_is_named() {
+    let dice = &mut Dice(3);
+    let scene = scene(20, dice);
+    let (p, n, w) = (&scene.positions, &scene.normals, &scene.influences);
+    let make =
+        |ends: &[f32], rest: &[BoneSegment]| StretchTwistSkin::precompute(p, n, w, ends, rest, BoneBlend::Linear);
+    assert!(matches!(make(&scene.ends[1..], &scene.rest), Err(SkinError::Length { what: "end weights", .. })));
+    assert!(matches!(make(&scene.ends, &scene.rest[..5]), Err(SkinError::BoneOutOfRange { .. })));
+    let mut skin = make(&scene.ends, &scene.rest).unwrap();
+    let mut out = (p.clone(), n.clone());
+    let mut bad = pose(&scene, 1.0, 0.5, dice);
+    bad[3].twist[1] = f32::NAN;
+    assert_eq!(skin.solve(&bad, &mut out.0, &mut out.1), Err(SkinError::PoseNotFinite { bone: 3 }));
+    bad[2].turn = Quat::from_array([0.0; 4]);
+    assert_eq!(skin.solve(&bad, &mut out.0, &mut out.1), Err(SkinError::PoseNotFinite { bone: 2 }));
+    // A bone without length has no axis to twist about and nothing to stretch.
+    let mut rest = scene.rest.clone();
+    rest[4].end = rest[4].start;
+    let good = pose(&scene, 1.0, 0.5, dice);
+    make(&scene.ends, &rest).unwrap().solve(&good, &mut out.0, &mut out.1).unwrap();
+    assert!(out.0.iter().chain(&out.1).flatten().all(|c| c.is_finite()));
+}
