@@ -15,3 +15,5 @@ pub mod settings;
 pub mod slice;
 pub mod takes;
 pub mod talk;
+pub mod volumes;
+pub mod words;

@@ -55,6 +55,14 @@ impl Bar {
         }
     }
 
+    /// For work that reports what it is doing.
+    pub fn stages(&self) -> impl FnMut(&'static str, f64) -> ControlFlow<()> + '_ {
+        |stage, done| {
+            self.show(stage, done);
+            ControlFlow::Continue(())
+        }
+    }
+
     /// For work that reports a fraction.
     pub fn fraction<'a>(&'a self, task: &'a str) -> impl FnMut(f32) -> ControlFlow<()> + 'a {
         move |done| {

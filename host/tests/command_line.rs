@@ -22,7 +22,9 @@ fn wrong_usage_is_2() {
         assert!(help.out.contains(word), "{word}: {}", help.out);
     }
     assert!(place.done(&["--version"]).out.starts_with("armature "));
-    for subcommand in ["demo", "devices", "inspect", "bind", "run", "replay", "export", "bench", "sim", "window"] {
+    for subcommand in
+        ["demo", "devices", "inspect", "bind", "volume", "run", "replay", "export", "bench", "sim", "window"]
+    {
         assert!(place.done(&[subcommand, "--help"]).out.contains("Usage"), "{subcommand}");
     }
     let virtually = ["run", "--virtual-clock", "--seconds", "0.1"];
@@ -33,6 +35,11 @@ fn wrong_usage_is_2() {
         ("-3", vec!["run", "--seconds=-3"]),
         ("nan", vec!["run", "--seconds", "nan"]),
         ("0", vec!["run", "--rate", "0"]),
+        ("fbx", vec!["volume", "mesh.obj", "-o", "a.fbx"]),
+        ("7", vec!["volume", "mesh.obj", "--vertices", "7"]),
+        ("--vertices", vec!["volume", "mesh.obj", "--vertices", "700", "--conforming"]),
+        ("--slice", vec!["volume", "mesh.obj", "--slice-axis", "x"]),
+        ("1.5", vec!["volume", "mesh.obj", "--slice", "a.png", "--slice-at", "1.5"]),
         ("99", vec!["bind", "mesh.obj", "--influences", "99"]),
         ("usb:7", [&virtually[..], &["--device", "usb:7"]].concat()),
         ("horse", [&virtually[..], &["--device", "sim:horse"]].concat()),

@@ -12,6 +12,8 @@ mod heat;
 mod pose;
 mod protocol;
 mod stream;
+mod volume;
+mod volume_growth;
 mod winding;
 
 /// One measured number.
@@ -92,6 +94,8 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: pose::NAMES, run: pose::run },
     Benchmark { names: heat::NAMES, run: heat::run },
     Benchmark { names: winding::NAMES, run: winding::run },
+    Benchmark { names: volume::NAMES, run: volume::run },
+    Benchmark { names: volume_growth::NAMES, run: volume_growth::run },
     Benchmark { names: stream::NAMES, run: stream::run },
 ];
 

@@ -6,6 +6,7 @@ use armature_sim::serve;
 use clap::Args;
 
 use crate::engine::simulated::SimulatedArgs;
+use crate::slice::Axis;
 
 /// `armature demo`
 #[derive(Debug, Args)]
@@ -57,6 +58,51 @@ pub struct BindArgs {
     /// Write a picture of the bound character
     #[arg(long, value_name = "PNG")]
     pub picture: Option<PathBuf>,
+}
+
+const VOLUME_HELP: &str = "\
+What is inside is told by the generalized winding number, so that the mesh may be open, cut itself, and have parts that \
+are inside out; a flat mesh is filled with triangles. The file is chosen by its extension: .mesh (Medit), .msh (Gmsh) and \
+.vtu (VTK, ParaView); the last two hold the winding number of every cell.
+
+  armature volume truck.obj -o truck.vtu --slice truck.png --slice-axis x
+  armature volume body.obj --skeleton bones.tgf -o body.mesh            vertices along every bone
+  armature volume body.obj --conforming -o body.msh                     every vertex of the mesh is one of the volume";
+
+/// `armature volume`
+#[derive(Debug, Args)]
+#[command(after_help = VOLUME_HELP)]
+pub struct VolumeArgs {
+    /// The mesh (obj, ply, stl, off, gltf, glb, mesh)
+    pub mesh: PathBuf,
+    /// The skeleton (tgf, bvh, or a gltf/glb with a skin); vertices are put along its bones. A rigged glTF brings its own
+    #[arg(short, long)]
+    pub skeleton: Option<PathBuf>,
+    /// Point handles: every node of a TGF file becomes a vertex
+    #[arg(long, value_name = "TGF")]
+    pub points: Option<PathBuf>,
+    /// Where to write the volume: a .mesh, .msh or .vtu file
+    #[arg(short, long, default_value = "volume.mesh")]
+    pub output: PathBuf,
+    /// Keep every vertex of the mesh and as many of its facets as can be had; slower and larger than a coarser volume
+    /// around it, which is the default
+    #[arg(long, conflicts_with = "vertices")]
+    pub conforming: bool,
+    /// About how many vertices a coarser volume has (10000 unless told otherwise)
+    #[arg(long, value_parser = volume_vertices)]
+    pub vertices: Option<usize>,
+    /// Write a picture of a slice through the volume, coloured by winding number
+    #[arg(long, value_name = "PNG")]
+    pub slice: Option<PathBuf>,
+    /// The axis that the slice stands across; without it, the one along which the mesh is shortest
+    #[arg(long, value_enum, requires = "slice")]
+    pub slice_axis: Option<Axis>,
+    /// Where along the axis: 0 at the low end of the mesh, 1 at the high end
+    #[arg(long, default_value_t = 0.5, value_parser = share)]
+    pub slice_at: f64,
+    /// One JSON object in place of words
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `armature run`
@@ -153,6 +199,12 @@ pub struct BenchArgs {
     /// A Python that has `libigl`, to run its winding numbers beside ours
     #[arg(long, value_name = "PYTHON", env = "ARMATURE_IGL_PYTHON")]
     pub igl_python: Option<PathBuf>,
+    /// A Python that has `tetgen`, to run it beside our volumes
+    #[arg(long, value_name = "PYTHON", env = "ARMATURE_TETGEN_PYTHON")]
+    pub tetgen_python: Option<PathBuf>,
+    /// Where to draw the times of `volume/growth` against the size
+    #[arg(long, value_name = "SVG")]
+    pub plot: Option<PathBuf>,
 }
 
 /// `armature sim`
@@ -197,4 +249,14 @@ fn sample_rate(text: &str) -> Result<f64, String> {
 fn influence_count(text: &str) -> Result<usize, String> {
     let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
     if (1..=8).contains(&count) { Ok(count) } else { Err("give 1 to 8; most engines take 4".into()) }
+}
+
+fn volume_vertices(text: &str) -> Result<usize, String> {
+    let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
+    if (100..=5_000_000).contains(&count) { Ok(count) } else { Err("give 100 to 5000000 vertices".into()) }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("give a number from 0 to 1".into()) }
 }

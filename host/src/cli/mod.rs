@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::cli::args::{
-    BenchArgs, BindArgs, DemoArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs, WindowArgs,
+    BenchArgs, BindArgs, DemoArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs, VolumeArgs, WindowArgs,
 };
 use crate::commands;
 use crate::failure::Failure;
@@ -53,6 +53,8 @@ enum Command {
     Inspect(InspectArgs),
     /// Bind a mesh to a skeleton: compute its skinning weights and save the character
     Bind(BindArgs),
+    /// Fill a mesh with tetrahedra, however messy it is, and write them for other tools
+    Volume(VolumeArgs),
     /// Drive a character with a puppet, and record
     Run(RunArgs),
     /// Solve a take again from its raw samples and compare with the poses it holds
@@ -93,6 +95,7 @@ fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
         Command::Devices => commands::devices(),
         Command::Inspect(args) => commands::inspect(&args),
         Command::Bind(args) => commands::bind(&args, talk),
+        Command::Volume(args) => commands::volume(&args, talk),
         Command::Run(args) => commands::run(&args, talk),
         Command::Replay(args) => commands::replay(&args, talk),
         Command::Export(args) => commands::export(&args, talk),

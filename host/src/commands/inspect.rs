@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use armature_geometry::{Diagnosis, diagnose, flipped_components};
 use armature_rig::{Motion, Skeleton};
 use armature_take::Take;
 use serde_json::{Value, json};
 
+use super::inspect_mesh::inspect_model;
 use crate::cli::args::InspectArgs;
 use crate::failure::Failure;
 use crate::{files, inputs};
@@ -31,107 +31,11 @@ pub fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     damage.map_or(Ok(()), Err)
 }
 
-type Findings = (Vec<String>, Value);
-
-fn inspect_model(path: &Path) -> Result<Findings, Failure> {
-    let model = inputs::model(path)?;
-    let unusable = |e: armature_geometry::MeshError| {
-        Failure::input(format!("{}: {e}", path.display()), "repair the mesh and export it again")
-    };
-    let diagnosis = diagnose(&model.mesh).map_err(unusable)?;
-    let mut words = mesh_words(&diagnosis, model.tetrahedra.is_some());
-    if let Some(tetrahedra) = &model.tetrahedra {
-        let (count, inner) = (tetrahedra.tetrahedra.len(), diagnosis.isolated_vertices);
-        words.push(format!("volume mesh: {count} tetrahedra, {inner} vertices inside"));
-    }
-    let turned = flipped_components(&model.mesh).map_err(unusable)?;
-    if !turned.flipped.is_empty() {
-        let (flipped, all) = (turned.flipped.len(), diagnosis.components);
-        words.push(format!("{flipped} of {all} components are inside out, by their winding number"));
-    }
-    match &model.rig {
-        Some(rig) => words.push(format!(
-            "brings a rig: {} bones, {} influences a vertex; bind keeps it unless told --replace-rig",
-            rig.skeleton.len(),
-            rig.influences.per_vertex()
-        )),
-        None => {
-            words.push("brings no rig: bind needs --skeleton (TGF, BVH or glTF) and computes bone heat weights".into());
-        }
-    }
-    for (name, motion) in &model.motions {
-        words.push(format!("clip {name:?}: {} frames, {:.2} s", motion.frames.len(), motion.duration_seconds()));
-    }
-    words.extend(model.warnings.iter().map(|w| format!("note: {w}")));
-    let value = json!({
-        "kind": "mesh", "flipped_components": turned.flipped.len(), "diagnosis": diagnosis_json(&diagnosis),
-        "tetrahedra": model.tetrahedra.as_ref().map(|t| t.tetrahedra.len()),
-        "bones": model.rig.as_ref().map(|r| r.skeleton.len()),
-        "clips": model.motions.iter().map(|(name, m)| json!({"name": name, "frames": m.frames.len()})).collect::<Vec<_>>(),
-        "warnings": model.warnings,
-    });
-    Ok((words, value))
-}
-
-fn mesh_words(d: &Diagnosis, is_volume: bool) -> Vec<String> {
-    let size: Vec<String> = (0..3).map(|k| format!("{:.4}", d.high[k] - d.low[k])).collect();
-    let mut words = vec![
-        format!(
-            "{} vertices, {} triangles, {} component{}",
-            d.vertices,
-            d.triangles,
-            d.components,
-            plural(d.components)
-        ),
-        format!("size {}, area {:.5}", size.join(" × "), d.area),
-    ];
-    let cutting = if d.self_intersections_complete {
-        "pairs of triangles cut each other"
-    } else {
-        "and more: the search was given up"
-    };
-    let counts = [
-        (d.boundary_edges, "boundary edge", "the surface is open"),
-        (d.non_manifold_edges, "non-manifold edge", "more than two triangles meet there"),
-        (d.non_manifold_vertices, "non-manifold vertice", "separate fans of triangles touch in a point"),
-        (d.inconsistent_edges, "inconsistently oriented edge", "some triangles are inside out"),
-        (d.self_intersections, "self-intersection", cutting),
-        (d.degenerate_triangles, "degenerate triangle", "without area"),
-        (d.duplicate_triangles, "duplicate triangle", ""),
-        (d.duplicate_vertices, "duplicate vertice", "seams of textures, or a soup of triangles"),
-        (if is_volume { 0 } else { d.isolated_vertices }, "isolated vertice", "in no triangle"),
-    ];
-    for (count, name, meaning) in counts.into_iter().filter(|(count, ..)| *count > 0) {
-        let name = if count == 1 { name.replace("vertice", "vertex") } else { format!("{name}s") };
-        let meaning = if meaning.is_empty() { String::new() } else { format!(": {meaning}") };
-        words.push(format!("{count} {name}{meaning}"));
-    }
-    let verdict = if d.closed && d.signed_volume > 0.0 {
-        format!("closed and consistently oriented, volume {:.5}", d.signed_volume)
-    } else if d.closed {
-        "closed, but inside out: turn its normals round".to_string()
-    } else {
-        "not a closed surface; bone heat weights work on it all the same".to_string()
-    };
-    words.push(format!("verdict: {verdict}"));
-    words
-}
+/// Lines for a person, and the same for a script.
+pub(super) type Findings = (Vec<String>, Value);
 
 fn plural(count: usize) -> &'static str {
     if count == 1 { "" } else { "s" }
-}
-
-fn diagnosis_json(d: &Diagnosis) -> Value {
-    json!({
-        "vertices": d.vertices, "triangles": d.triangles, "components": d.components,
-        "duplicate_vertices": d.duplicate_vertices, "isolated_vertices": d.isolated_vertices,
-        "degenerate_triangles": d.degenerate_triangles, "duplicate_triangles": d.duplicate_triangles,
-        "boundary_edges": d.boundary_edges, "non_manifold_edges": d.non_manifold_edges,
-        "inconsistent_edges": d.inconsistent_edges, "non_manifold_vertices": d.non_manifold_vertices,
-        "self_intersections": d.self_intersections, "self_intersections_complete": d.self_intersections_complete,
-        "euler_characteristic": d.euler_characteristic, "area": d.area, "signed_volume": d.signed_volume,
-        "closed": d.closed, "low": d.low, "high": d.high,
-    })
 }
 
 fn inspect_skeleton(skeleton: &Skeleton) -> Findings {

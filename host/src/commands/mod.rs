@@ -5,9 +5,12 @@ mod demo;
 mod devices;
 mod export;
 mod inspect;
+mod inspect_mesh;
 mod replay;
 mod run;
 mod sim;
+mod volume;
+mod volume_report;
 mod window;
 
 pub use crate::bench::bench;
@@ -19,4 +22,5 @@ pub use inspect::inspect;
 pub use replay::replay;
 pub use run::run;
 pub use sim::sim;
+pub use volume::volume;
 pub use window::window;

@@ -12,6 +12,9 @@ const QUIET: [u8; 3] = [0x5c, 0x63, 0x6b];
 /// About so many numbers along an axis.
 const TICKS: f64 = 7.0;
 
+/// Winding numbers that differ by less are the same.
+const ROUNDING: f64 = 0.02;
+
 /// A colour to draw with.
 pub(super) fn paint(rgb: [u8; 3], opacity: u8) -> Paint<'static> {
     let mut paint = Paint::default();
@@ -79,8 +82,9 @@ pub(super) fn draw_axes(drawing: &mut PixmapMut, frame: &Frame, plane: SlicePlan
 /// The colours of winding numbers from `least` to `most`, with numbers.
 pub(super) fn draw_color_bar(drawing: &mut PixmapMut, frame: &Frame, least: f64, most: f64) {
     let ([_, top, right, bottom], unit) = (frame.plot, frame.unit);
-    let low = (least.clamp(LOWEST, 0.0) * 2.0).floor() / 2.0;
-    let high = (most.clamp(1.0, HIGHEST) * 2.0).ceil() / 2.0;
+    // To the next half; what is over by rounding alone is not over.
+    let low = (least.clamp(LOWEST, 0.0) * 2.0 + ROUNDING).floor() / 2.0;
+    let high = (most.clamp(1.0, HIGHEST) * 2.0 - ROUNDING).ceil() / 2.0;
     let bar = [right + 40.0 * unit, top + 44.0 * unit, right + 66.0 * unit, bottom];
     let rows = (bar[3] - bar[1]) as usize;
     for row in 0..rows {

@@ -26,7 +26,7 @@ impl Misfit {
     /// Compares a mesh's box with bones given by head and tail. `Err` if at least half of the bones lie outside
     /// the box (widened by a tenth of its diagonal) or the sizes are too different; otherwise the number of bones
     /// outside.
-    pub(crate) fn check(mesh: ([f64; 3], [f64; 3]), segments: &[(Vec3, Vec3)]) -> Result<usize, Self> {
+    pub fn check(mesh: ([f64; 3], [f64; 3]), segments: &[(Vec3, Vec3)]) -> Result<usize, Self> {
         let (low, high) = (DVec3::from(mesh.0), DVec3::from(mesh.1));
         let margin = 0.1 * (high - low).length();
         let inside = |p: Vec3| {
