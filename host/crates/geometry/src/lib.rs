@@ -60,9 +60,10 @@ pub use planar::{
     planar_domain, plane_of,
 };
 pub use segmentation::{
-    AddedChain, Connected, ConnectedPieces, ElementWinding, ElementWindingSettings, Label, Segmentation,
-    SegmentationError, SegmentationSettings, connect_vertices, connected_pieces, element_winding, graph_cut,
-    graph_cut_with_forced_labels,
+    AddedChain, Connected, ConnectedPieces, Constrained, ConstraintInput, ConstraintOutcome, ConstraintSettings,
+    ElementWinding, ElementWindingSettings, HardConstraint, Label, Segmentation, SegmentationError,
+    SegmentationSettings, connect_vertices, connected_pieces, element_winding, graph_cut, graph_cut_with_forced_labels,
+    make_manifold, satisfy_facets,
 };
 pub use self_intersections::{SelfIntersections, self_intersections};
 pub use simplify::{Simplified, SimplifyError, SimplifyOutcome, SurfacePlace, sample_surface, simplify};

@@ -64,6 +64,18 @@ impl<'a, const K: usize> Energy<'a, K> {
         outside - inside
     }
 
+    /// What flipping an element's label changes, and more than what rounding can make of that.
+    pub(super) fn change(&self, inside: &[bool], element: usize) -> (f64, f64) {
+        let mut to_inside = -self.preference(element);
+        let mut magnitude: f64 = self.data[element].iter().sum();
+        for (facet, &cost) in self.smoothness[element].iter().enumerate() {
+            to_inside += if self.inside_beyond(inside, element, facet) { -cost } else { cost };
+            magnitude += cost;
+        }
+        let change = if inside[element] { -to_inside } else { to_inside };
+        (change, (2 * (K + 2)) as f64 * f64::EPSILON * magnitude)
+    }
+
     /// Equation 8.8.
     pub(super) fn of(&self, inside: &[bool]) -> f64 {
         let mut energy = 0.0;

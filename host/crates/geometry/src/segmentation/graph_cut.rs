@@ -32,9 +32,10 @@ pub struct SegmentationSettings {
 }
 
 impl Default for SegmentationSettings {
-    /// Tuned on closed animals with 10 and 30 % of their triangles deleted at random, where they mend two thirds of the
-    /// volume that thresholding gets wrong, and on a truck of open and overlapping parts, which keeps 19/20 of what
-    /// thresholding gives it; a γ of ¼ takes a tenth of the truck for little gain with the animals.
+    /// Tuned on closed animals with triangles deleted at random and on a truck of open and overlapping parts: the wrong
+    /// volume falls from thresholding's 0.49 % to 0.17 % on spot without 30 % of its triangles, from 0.0065 % to 0.0013 %
+    /// without 10 %, but on the cow without 10 % only from 0.0169 % to 0.0144 %. The truck keeps 93 to 99 % of the volume
+    /// that thresholding gives it, and only 88 % at a γ of ¼.
     fn default() -> Self {
         Self { gamma: 0.1, sigma: 0.25 }
     }
@@ -114,6 +115,24 @@ pub enum SegmentationError {
         element: usize,
         /// The corner.
         vertex: u32,
+    },
+    /// A corner that an element has twice.
+    #[error("element {element} has the corner {vertex} more than once; leave degenerate elements out")]
+    RepeatedCorner {
+        /// Zero-based element.
+        element: usize,
+        /// The corner.
+        vertex: u32,
+    },
+    /// A facet of an element that does not exist.
+    #[error("facet {facet} names element {element}, but there are only {elements}; beyond the hull is u32::MAX")]
+    BadFacet {
+        /// Zero-based facet.
+        facet: usize,
+        /// The element it names.
+        element: u32,
+        /// How many elements there are.
+        elements: usize,
     },
     /// Settings out of range.
     #[error("{what} cannot be {value}; see the settings for what it can be")]
