@@ -131,9 +131,10 @@ pub fn satisfy_facets<const K: usize>(
 /// `elements`: n×K corners, the facet k of an element opposite its corner k. The boundary is a manifold where the
 /// inside elements around each of its edges (K = 4) and vertices hang together by facets there, and the outside ones
 /// do too; what is beyond the hull counts as one outside element. Marches over edges and vertices; where it is
-/// not, outside elements are labelled inside in the order of falling winding number until it is, and the energy is
-/// improved greedily around them by flips that break no edge, vertex or facet that is in order. Facets are protected,
-/// not added: see [`satisfy_facets`] for that.
+/// not, outside elements are labelled inside in the order of falling winding number until it is. Then the energy is
+/// improved greedily around them by flips that break no edge, vertex or facet that is in order. The thesis improves
+/// after each step, but what is not yet in order is not protected, and on a truck of overlapping parts improvement and
+/// repair had not ended after minutes. Facets are protected, not added: see [`satisfy_facets`] for that.
 ///
 /// Errors and `progress` as there, and elements that repeat a corner or do not share a neighbour's facet.
 pub fn make_manifold<const K: usize>(
@@ -144,19 +145,18 @@ pub fn make_manifold<const K: usize>(
 ) -> Result<Constrained, SegmentationError> {
     let mut labels = Labels::new(input, settings, Some(elements))?;
     let mut waiting: BTreeSet<_> = labels.boundary_places().into_iter().map(edges_first).collect();
-    let mut done = 0_usize;
+    let (mut done, mut added) = (0_usize, Vec::new());
     while let Some((_, place)) = waiting.pop_first() {
         let part = done as f64 / (done + waiting.len() + 1) as f64;
         if done.is_multiple_of(REPORT_EVERY) && progress(part).is_break() {
             return Err(SegmentationError::Cancelled);
         }
         done += 1;
-        let added = labels.fill(place);
-        if !added.is_empty() {
-            waiting.extend(added.iter().flat_map(|&t| places(&elements[t as usize])).map(edges_first));
-            labels.improve(&added, &mut || progress(part))?;
-        }
+        let filled = labels.fill(place);
+        waiting.extend(filled.iter().flat_map(|&t| places(&elements[t as usize])).map(edges_first));
+        added.extend(filled);
     }
+    labels.improve(&added, &mut || progress(1.0))?;
     Ok(labels.finish())
 }
 
@@ -362,10 +362,9 @@ impl<'a, const K: usize> Labels<'a, K> {
         let boundary = self.boundary_places();
         if let Some(stars) = &mut self.stars {
             let broken = boundary.into_iter().filter(|&place| !stars.is_manifold(place, &self.inside));
-            unsatisfied.extend(broken.map(|[a, b]| match a == b {
-                true => HardConstraint::Vertex(a),
-                false => HardConstraint::Edge([a, b]),
-            }));
+            unsatisfied.extend(
+                broken.map(|[a, b]| if a == b { HardConstraint::Vertex(a) } else { HardConstraint::Edge([a, b]) }),
+            );
         }
         unsatisfied.sort_unstable();
         let outcome = match (self.limited, unsatisfied.is_empty()) {
