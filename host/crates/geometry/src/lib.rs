@@ -73,7 +73,8 @@ pub use topology::{
     Components, Edge, Fans, boundary_edges, connected_components, edges, non_manifold_edges, vertex_triangles,
 };
 pub use volume::{
-    Resolution, ShellShortfall, Volume, VolumeError, VolumeInput, VolumeReport, VolumeSettings, VolumeStage, volume,
+    Resolution, ShellShortfall, Volume, VolumeConstraints, VolumeError, VolumeInput, VolumeReport, VolumeSettings,
+    VolumeStage, volume,
 };
 pub use weld::{Weld, weld_vertices};
 pub use winding_hierarchy::WindingNumberHierarchy;

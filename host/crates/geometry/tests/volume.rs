@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use armature_geometry::{
-    FastWindingNumber, Resolution, TetrahedralMesh, TriangleMesh, Volume, VolumeError, VolumeInput, VolumeSettings,
-    cotangent_laplacian_tetrahedra, volume,
+    FastWindingNumber, Resolution, TetrahedralMesh, TriangleMesh, Volume, VolumeConstraints, VolumeError, VolumeInput,
+    VolumeSettings, cotangent_laplacian_tetrahedra, volume,
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -269,6 +269,45 @@ fn cancelling_stops_at_any_stage() {
             assert_eq!(stopped.unwrap_err(), VolumeError::Cancelled);
         }
     }
+}
+
+#[test]
+fn constraints_keep_thin_sheets_and_make_the_boundary_manifold() {
+    // A ball with a fin, which has no volume of its own.
+    let mut surface = sphere(3);
+    let fin = surface.vertices.len() as u32;
+    surface.vertices.extend([[1.0, 0.0, 0.0], [1.6, 0.1, 0.3], [1.6, -0.1, -0.3]]);
+    surface.triangles.push([fin, fin + 1, fin + 2]);
+    for (facets, manifold) in [(false, false), (true, false), (true, true)] {
+        let constraints = VolumeConstraints { facets, manifold };
+        let resolution = Resolution::Embedded { vertices: 1500 };
+        let settings = VolumeSettings { resolution, constraints, ..VolumeSettings::default() };
+        let input = VolumeInput { surface: &surface, segments: &[], points: &[] };
+        let made = volume(&input, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
+        check("fin", &surface, &made);
+        let tip = made.surface.distance[fin as usize + 1];
+        assert_eq!(tip < 0.05, facets, "the fin's tip is {tip} away");
+        assert_eq!(made.report.elements_for_constraints > 0, facets);
+        assert_eq!(made.report.constraints_unsatisfied, 0);
+        if manifold {
+            let diagnosis = armature_geometry::diagnose(&boundary(&made.mesh)).unwrap();
+            assert_eq!((diagnosis.non_manifold_edges, diagnosis.non_manifold_vertices), (0, 0));
+        }
+    }
+}
+
+/// The facets with one element.
+fn boundary(mesh: &TetrahedralMesh) -> TriangleMesh {
+    let mut facets: BTreeMap<[u32; 3], Vec<[u32; 3]>> = BTreeMap::new();
+    for t in &mesh.tetrahedra {
+        for facet in [[t[1], t[2], t[3]], [t[0], t[3], t[2]], [t[0], t[1], t[3]], [t[0], t[2], t[1]]] {
+            let mut key = facet;
+            key.sort_unstable();
+            facets.entry(key).or_default().push(facet);
+        }
+    }
+    let alone = facets.into_values().filter(|sides| sides.len() == 1).flatten().collect();
+    TriangleMesh { vertices: mesh.vertices.clone(), triangles: alone }
 }
 
 #[test]

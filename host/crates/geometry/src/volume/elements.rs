@@ -62,4 +62,14 @@ impl Elements {
         };
         self.neighbours.iter().zip(&self.locked).map(open).collect()
     }
+
+    /// The elements on the two sides of each facet of the shell, `u32::MAX` beyond the hull.
+    pub(super) fn locked_facets(&self) -> Vec<[u32; 2]> {
+        let sides = |(element, (across, locked)): (usize, (&[u32; 4], &[bool; 4]))| {
+            let element = element as u32;
+            let slots = (0..4).filter(|&slot| locked[slot] && element < across[slot]);
+            slots.map(|slot| [element, across[slot]]).collect::<Vec<_>>()
+        };
+        self.neighbours.iter().zip(&self.locked).enumerate().flat_map(sides).collect()
+    }
 }

@@ -7,7 +7,8 @@ use super::peel::{longest_edge, peel};
 use super::tessellate::Tessellation;
 use super::{VolumeError, VolumeSettings};
 use crate::{
-    ElementWindingSettings, FastWindingNumber, connect_vertices, connected_components, element_winding, graph_cut,
+    ConstraintInput, ConstraintSettings, ElementWindingSettings, FastWindingNumber, Label, connect_vertices,
+    connected_components, element_winding, graph_cut, make_manifold, satisfy_facets,
 };
 
 /// Around an open surface the winding number is nowhere an integer, but smooth, and the barycentre is good enough; only
@@ -62,8 +63,17 @@ pub(super) fn find_inside(
     if volume_inside <= NOTHING * elements.volumes.iter().sum::<f64>() {
         return Err(VolumeError::Empty);
     }
-    let mut told = |done| progress(0.9 + 0.1 * done);
+    let mut told = |done| progress(0.9 + 0.02 * done);
+    if settings.constraints.facets {
+        labels = constrain(whole, &winding, labels, None, settings, &mut told)?;
+    }
+    let mut told = |done| progress(0.92 + 0.05 * done);
     labels = connect(whole, &winding, &labels, &mut told)?;
+    if settings.constraints.manifold {
+        let kept = labels.clone();
+        let mut told = |done| progress(0.97 + 0.03 * done);
+        labels = constrain(whole, &winding, labels, Some(&kept), settings, &mut told)?;
+    }
     whole.report.winding_error = winding_error(&whole.elements.volumes, &winding, &labels);
     Ok(Inside { winding, labels })
 }
@@ -112,6 +122,38 @@ fn connect(
     let connected = connect_vertices(tetrahedra, neighbours, winding, &measures, labels, &groups, progress)?;
     whole.report.elements_for_bones = connected.added.iter().map(|chain| chain.elements.len()).sum();
     Ok(connected.inside)
+}
+
+/// Labels with which the recovered facets have an element inside; or, where `kept` elements stay inside, those of a
+/// manifold boundary.
+fn constrain(
+    whole: &mut Tessellation,
+    winding: &[f64],
+    labels: Vec<bool>,
+    kept: Option<&[bool]>,
+    settings: &VolumeSettings,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Vec<bool>, VolumeError> {
+    let elements = &whole.elements;
+    let forced: Vec<Label> =
+        (0..labels.len()).map(|e| if kept.is_some_and(|k| k[e]) { Label::Inside } else { Label::Free }).collect();
+    let facets = if settings.constraints.facets { elements.locked_facets() } else { Vec::new() };
+    let input = ConstraintInput {
+        winding,
+        neighbours: &elements.neighbours,
+        facet_sizes: &elements.areas,
+        inside: &labels,
+        forced: &forced,
+        facets: &facets,
+    };
+    let how = ConstraintSettings { segmentation: settings.segmentation, ..ConstraintSettings::default() };
+    let found = match kept {
+        None => satisfy_facets(&input, &how, progress)?,
+        Some(_) => make_manifold(&input, &elements.tetrahedra, &how, progress)?,
+    };
+    whole.report.elements_for_constraints += found.added;
+    whole.report.constraints_unsatisfied = found.unsatisfied.len();
+    Ok(found.inside)
 }
 
 /// `∫ u dV` (thesis equation 8.9) over the volume inside.

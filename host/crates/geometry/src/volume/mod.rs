@@ -52,6 +52,15 @@ pub enum Resolution {
     },
 }
 
+/// Hard constraints on the inside (thesis 8.5.2). What cannot be obeyed is counted in the report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VolumeConstraints {
+    /// Every recovered facet of the shell has an element inside: thin accessories stay.
+    pub facets: bool,
+    /// The boundary is a manifold: no two parts meet in an edge or a vertex alone.
+    pub manifold: bool,
+}
+
 /// How to make a volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VolumeSettings {
@@ -62,6 +71,8 @@ pub struct VolumeSettings {
     pub grading: f64,
     /// The balance of winding number and coherence.
     pub segmentation: SegmentationSettings,
+    /// What the inside has to obey besides.
+    pub constraints: VolumeConstraints,
     /// How slivers are removed; `None` to leave them.
     pub improve: Option<ImproveSettings>,
 }
@@ -74,6 +85,7 @@ impl Default for VolumeSettings {
             resolution: Resolution::Embedded { vertices: 10_000 },
             grading: 2.0,
             segmentation: SegmentationSettings::default(),
+            constraints: VolumeConstraints::default(),
             improve: Some(ImproveSettings::default()),
         }
     }

@@ -34,6 +34,10 @@ pub struct VolumeReport {
     pub winding_error: f64,
     /// Elements inside only so that vertices of the surface are vertices of the volume.
     pub elements_for_vertices: usize,
+    /// Elements inside only because of [`super::VolumeConstraints`].
+    pub elements_for_constraints: usize,
+    /// Facets, edges and vertices that do not obey those.
+    pub constraints_unsatisfied: usize,
     /// Elements inside only so that bones are in one piece.
     pub elements_for_bones: usize,
     /// Elements at the boundary, flat up to rounding, that are not part of the volume.
