@@ -65,14 +65,14 @@ pub(super) fn find_inside(
     }
     let mut told = |done| progress(0.9 + 0.02 * done);
     if settings.constraints.facets {
-        labels = constrain(whole, &winding, labels, None, settings, &mut told)?;
+        labels = constrain(whole, &winding, &labels, None, settings, &mut told)?;
     }
     let mut told = |done| progress(0.92 + 0.05 * done);
     labels = connect(whole, &winding, &labels, &mut told)?;
     if settings.constraints.manifold {
         let kept = labels.clone();
         let mut told = |done| progress(0.97 + 0.03 * done);
-        labels = constrain(whole, &winding, labels, Some(&kept), settings, &mut told)?;
+        labels = constrain(whole, &winding, &kept, Some(&kept), settings, &mut told)?;
     }
     whole.report.winding_error = winding_error(&whole.elements.volumes, &winding, &labels);
     Ok(Inside { winding, labels })
@@ -129,7 +129,7 @@ fn connect(
 fn constrain(
     whole: &mut Tessellation,
     winding: &[f64],
-    labels: Vec<bool>,
+    labels: &[bool],
     kept: Option<&[bool]>,
     settings: &VolumeSettings,
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
@@ -142,7 +142,7 @@ fn constrain(
         winding,
         neighbours: &elements.neighbours,
         facet_sizes: &elements.areas,
-        inside: &labels,
+        inside: labels,
         forced: &forced,
         facets: &facets,
     };
