@@ -108,9 +108,16 @@ pub struct VolumeArgs {
 /// `armature run`
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The puppet: sim:human, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD], tcp:HOST:PORT
+    /// The puppet: sim:human, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD], tcp:HOST:PORT, or an arm of servos:
+    /// feetech:PATH[@BAUD], dynamixel:PATH[@BAUD]
     #[arg(short, long, default_value = "sim:human")]
     pub device: String,
+    /// Which arm of servos: so101-leader, koch-leader, gello, gello-franka
+    #[arg(long, value_name = "ARM")]
+    pub preset: Option<String>,
+    /// Set the servos' return delay to 0; this is written to their memory once and stays
+    #[arg(long)]
+    pub servo_return_delay_zero: bool,
     /// The character: human, spider, hand, a .armature file, or a mesh or motion file that brings a skeleton; without
     /// it, the one like the simulated puppet, else human
     #[arg(short, long)]

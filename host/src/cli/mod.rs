@@ -56,7 +56,7 @@ enum Command {
     /// Fill a mesh with tetrahedra, however messy it is, and write them for other tools
     Volume(VolumeArgs),
     /// Drive a character with a puppet, and record
-    Run(RunArgs),
+    Run(Box<RunArgs>),
     /// Solve a take again from its raw samples and compare with the poses it holds
     Replay(ReplayArgs),
     /// Write a take as BVH or as an animated GLB

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use armature_device::servo::{EepromConsent, ServoSettings};
 use armature_rig::{Calibration, Mapping};
 use armature_take::Header;
 
 use crate::characters;
 use crate::cli::args::RunArgs;
 use crate::engine::actor::Actor;
-use crate::engine::live::{Live, parse_address};
+use crate::engine::live::{Live, parse_address, with_preset};
 use crate::engine::perform::{self, Plan, Summary};
 use crate::engine::performance::{Performance, ZeroPolicy};
 use crate::engine::recorder::check_take_name;
@@ -110,7 +111,9 @@ fn run_live(
     plan: &Plan,
     talk: Talk,
 ) -> Result<(Performance, Summary), Failure> {
-    let live = Live::connect(&args.device, &args.simulated)?;
+    let device = with_preset(&args.device, args.preset.as_deref())?;
+    let eeprom = if args.servo_return_delay_zero { EepromConsent::ReturnDelayZero } else { EepromConsent::Never };
+    let live = Live::connect_with(&device, &args.simulated, ServoSettings { eeprom, ..ServoSettings::default() })?;
     live.start(args.rate);
     live.catch_interrupt();
     tell(talk, std::iter::once(format!("connected to {}; hold the rest pose (Ctrl-C ends)", live.address())));

@@ -109,6 +109,7 @@ pub fn take_event(event: &device::Event) -> Option<EventKind> {
             Some(EventKind::Noise { crc_errors: checksum_errors, discarded_bytes: bytes })
         }
         device::Event::Restarted => Some(EventKind::Restart),
+        device::Event::Notice(device::DeviceNotice::LineBack { .. }) => Some(EventKind::Reconnect),
         _ => None,
     }
 }

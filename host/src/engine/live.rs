@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use armature_device::{Connection, DeviceAddress, DeviceProblem, SessionCounters, SessionSettings};
+use armature_device::servo::ServoSettings;
+use armature_device::{Connection, ConnectionSettings, DeviceAddress, DeviceProblem, SessionCounters};
 use tokio::runtime::Runtime;
 
 use super::perform::{Next, Source};
@@ -26,8 +27,13 @@ pub struct Live {
 }
 
 impl Live {
-    /// Connects to `sim:…`, `serial:…` or `tcp:…`.
+    /// Connects to `sim:…`, `serial:…`, `feetech:…`, `dynamixel:…` or `tcp:…`.
     pub fn connect(device: &str, simulated: &SimulatedArgs) -> Result<Self, Failure> {
+        Self::connect_with(device, simulated, ServoSettings::default())
+    }
+
+    /// The same, with what is allowed of an arm of servos.
+    pub fn connect_with(device: &str, simulated: &SimulatedArgs, servos: ServoSettings) -> Result<Self, Failure> {
         let parsed = parse_address(device)?;
         let (address, process) = match &parsed {
             DeviceAddress::Sim { name } => {
@@ -42,8 +48,10 @@ impl Live {
             .thread_name("device")
             .build()
             .map_err(|e| Failure::device(format!("no thread for the device: {e}"), "close other programs"))?;
-        let line = runtime.block_on(armature_device::open(&address)).map_err(|e| problem_failure(&e))?;
-        let connection = Connection::spawn(runtime.handle(), line, SessionSettings::default());
+        // The simulated puppet's process is ours: when its line is gone, so is the puppet.
+        let settings = ConnectionSettings { servos, reopen: process.is_none(), ..ConnectionSettings::default() };
+        let opening = Connection::open(runtime.handle(), &address, settings);
+        let connection = runtime.block_on(opening).map_err(|e| problem_failure(&e))?;
         let address = address.to_string();
         Ok(Self { connection, runtime, address, simulated: process, interrupted: Arc::default() })
     }
@@ -122,6 +130,17 @@ impl Source for Live {
 /// Reads a device address as the user writes it.
 pub fn parse_address(text: &str) -> Result<DeviceAddress, Failure> {
     text.parse().map_err(|e: armature_device::AddressError| Failure::usage(e.to_string(), ""))
+}
+
+/// The device with the arm's name in its address; only arms of servos have one.
+pub fn with_preset(device: &str, preset: Option<&str>) -> Result<String, Failure> {
+    let Some(preset) = preset else { return Ok(device.to_owned()) };
+    match parse_address(device)? {
+        DeviceAddress::Servos { protocol, path, baud, .. } => {
+            Ok(DeviceAddress::Servos { protocol, path, baud, arm: Some(preset.to_owned()) }.to_string())
+        }
+        _ => Err(Failure::usage("--preset names an arm of servos", "choose a --device feetech:PATH or dynamixel:PATH")),
+    }
 }
 
 /// A device's trouble as the program tells it.

@@ -5,7 +5,7 @@ use std::io::BufWriter;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use armature_device::{DeviceInfo, DeviceProblem, Event, SessionCounters};
+use armature_device::{DeviceInfo, DeviceNotice, DeviceProblem, Event, SessionCounters};
 use armature_take::Header;
 
 use super::latency::{Latencies, LatencySummary};
@@ -76,6 +76,8 @@ pub struct Summary {
 
 /// Before the first pose the program waits at most so long, session's time.
 const PATIENCE_SECONDS: f64 = 12.0;
+/// A line that is lost is waited for so long, session's time.
+const LINE_PATIENCE_SECONDS: f64 = 30.0;
 const STATUS_EVERY_SECONDS: f64 = 0.1;
 
 struct Show<'a> {
@@ -84,6 +86,8 @@ struct Show<'a> {
     device: Option<DeviceInfo>,
     latencies: Latencies,
     began: Option<f64>,
+    /// Since when the line is lost, and why.
+    lost: Option<(f64, String)>,
     poses: u64,
     trouble: Option<Failure>,
 }
@@ -104,6 +108,7 @@ pub fn perform<S: Source>(
         device: None,
         latencies: Latencies::default(),
         began: None,
+        lost: None,
         poses: 0,
         trouble: None,
     };
@@ -115,13 +120,17 @@ pub fn perform<S: Source>(
                 let reason = "the line was closed".to_string();
                 show.trouble = Some(problem_failure(&DeviceProblem::Disconnected { reason }));
             }
-            Next::Quiet => show.check_patience(source.now())?,
+            Next::Quiet => {
+                show.check_patience(source.now())?;
+                show.check_line(false, source.now());
+            }
         }
         if source.now() - told > STATUS_EVERY_SECONDS {
             told = source.now();
             show.tell(status, &source.counters(), told);
         }
     }
+    show.check_line(true, source.now());
     show.finish(source)
 }
 
@@ -134,6 +143,7 @@ impl Show<'_> {
         match event {
             Event::Connected(info) => self.device = Some(info.clone()),
             Event::Problem(problem) => self.take_problem(problem)?,
+            Event::Notice(notice) => self.take_notice(notice, source.now()),
             _ => {}
         }
         let outcome = self.stage.handle(event)?;
@@ -169,6 +179,24 @@ impl Show<'_> {
             (Some(_), _) => tracing::warn!("{}", failure.what),
         }
         Ok(())
+    }
+
+    fn take_notice(&mut self, notice: &DeviceNotice, now: f64) {
+        tracing::warn!("{notice}");
+        match notice {
+            DeviceNotice::LineLost { reason } => self.lost = Some((now, reason.clone())),
+            DeviceNotice::LineBack { .. } => self.lost = None,
+            _ => {}
+        }
+    }
+
+    /// A line that does not come back ends the performance.
+    fn check_line(&mut self, done: bool, now: f64) {
+        if let Some((since, reason)) = &self.lost
+            && (done || now - since > LINE_PATIENCE_SECONDS)
+        {
+            self.trouble = Some(problem_failure(&DeviceProblem::Disconnected { reason: reason.clone() }));
+        }
     }
 
     fn check_patience(&self, now: f64) -> Result<(), Failure> {

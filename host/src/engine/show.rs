@@ -343,6 +343,9 @@ impl Show {
                     heard.ended = Some(problem);
                     return Ok(());
                 }
+                Event::Notice(notice) => {
+                    heard.told.push(EngineEvent::Problem(Problem { what: notice.to_string(), remedy: String::new() }));
+                }
                 Event::Problem(trouble) => {
                     heard.told.push(EngineEvent::Problem(Problem { what: trouble.to_string(), remedy: String::new() }));
                 }
