@@ -89,25 +89,23 @@ pub struct FlatDomain {
     pub domain: PlanarDomain,
 }
 
-/// Makes the volume of a mesh; of a flat one, its domain. `vertices` asks for a coarser volume of about so many;
-/// without it every vertex of the mesh is one of the volume. `progress` hears what is being done and the part of the
+/// Makes the volume of a mesh; of a flat one, its domain, for which only the resolution counts. `progress` hears what is being done and the part of the
 /// whole that is done, and may stop it.
 pub fn make(
     mesh: &TriangleMesh,
     handles: &Handles,
-    resolution: Resolution,
+    settings: &VolumeSettings,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Made, MakeError> {
     if let Some(plane) = plane_of(mesh).map_err(VolumeError::Mesh)? {
-        return Ok(Made::Flat(Box::new(fill(mesh, &plane, handles, resolution, progress)?)));
+        return Ok(Made::Flat(Box::new(fill(mesh, &plane, handles, settings.resolution, progress)?)));
     }
     let input = VolumeInput { surface: mesh, segments: &handles.segments, points: &handles.points };
-    let settings = VolumeSettings { resolution, ..VolumeSettings::default() };
     let mut told = |stage: VolumeStage, done: f64| {
         let (label, from, to) = stage_words(stage);
         progress(label, from + done.clamp(0.0, 1.0) * (to - from))
     };
-    Ok(Made::Solid(Box::new(volume(&input, &settings, &mut told)?)))
+    Ok(Made::Solid(Box::new(volume(&input, settings, &mut told)?)))
 }
 
 /// Why there is no volume.

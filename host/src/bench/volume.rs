@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{Resolution, TriangleMesh, Volume};
+use armature_geometry::{Resolution, TriangleMesh, Volume, VolumeSettings};
 
 use super::{Measurement, python_peer, shared_file};
 use crate::cli::args::BenchArgs;
@@ -102,7 +102,8 @@ pub(super) fn volume_of(
     resolution: Resolution,
     path: &Path,
 ) -> Result<Volume, Failure> {
-    match make(mesh, handles, resolution, &mut |_, _| ControlFlow::Continue(())).map_err(|e| e.in_file(path))? {
+    let settings = VolumeSettings { resolution, ..VolumeSettings::default() };
+    match make(mesh, handles, &settings, &mut |_, _| ControlFlow::Continue(())).map_err(|e| e.in_file(path))? {
         Made::Solid(volume) => Ok(*volume),
         Made::Flat(_) => Err(Failure::input(format!("{} is flat", path.display()), "choose a solid")),
     }

@@ -91,6 +91,12 @@ pub struct VolumeArgs {
     /// About how many vertices a coarser volume has (10000 unless told otherwise)
     #[arg(long, value_parser = volume_vertices)]
     pub vertices: Option<usize>,
+    /// Give each facet of the surface an element, so that thin accessories stay
+    #[arg(long)]
+    pub keep_facets: bool,
+    /// Fill in until the volume's boundary is a manifold: no two parts meet in an edge or a vertex alone
+    #[arg(long)]
+    pub manifold: bool,
     /// Write a picture of a slice through the volume, coloured by winding number
     #[arg(long, value_name = "PNG")]
     pub slice: Option<PathBuf>,

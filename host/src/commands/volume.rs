@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use armature_formats::{CellData, CellMesh, write_mesh, write_msh, write_vtu};
-use armature_geometry::{FastWindingNumber, Resolution, TriangleMesh, orient_patches};
+use armature_geometry::{
+    FastWindingNumber, Resolution, TriangleMesh, VolumeConstraints, VolumeSettings, orient_patches,
+};
 
 use super::volume_report::{Told, flat_report, solid_report};
 use crate::cli::args::VolumeArgs;
@@ -35,7 +37,9 @@ pub fn volume(args: &VolumeArgs, talk: Talk) -> Result<(), Failure> {
         _ => Resolution::Conforming,
     };
     let mut progress = bar.stages();
-    let made = make(&model.mesh, &handles, resolution, &mut progress).map_err(|e| e.in_file(&args.mesh))?;
+    let constraints = VolumeConstraints { facets: args.keep_facets, manifold: args.manifold };
+    let settings = VolumeSettings { resolution, constraints, ..VolumeSettings::default() };
+    let made = make(&model.mesh, &handles, &settings, &mut progress).map_err(|e| e.in_file(&args.mesh))?;
     drop(progress);
     bar.finish();
     let (cells, winding) = cells_of(&made);

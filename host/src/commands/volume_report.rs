@@ -129,6 +129,10 @@ fn solid_warnings(volume: &Volume) -> Vec<String> {
     );
     let kept = report.elements_for_bones;
     tell(kept > 0, format!("{} kept so that bones are in one piece", counted(kept, "element was", "elements were")));
+    let kept = report.elements_for_constraints;
+    tell(kept > 0, format!("{} kept to obey the constraints", counted(kept, "element was", "elements were")));
+    let unsatisfied = report.constraints_unsatisfied;
+    tell(unsatisfied > 0, format!("{} not obey the constraints", counted(unsatisfied, "place does", "places do")));
     let kept = report.elements_for_vertices;
     tell(
         kept > 0,
@@ -177,6 +181,8 @@ fn solid_json(volume: &Volume, angles: Option<&DihedralStatistics>, handles: &Ha
         "points": volume.point_vertices.len(),
         "elements_for_bones": r.elements_for_bones,
         "elements_for_vertices": r.elements_for_vertices,
+        "elements_for_constraints": r.elements_for_constraints,
+        "constraints_unsatisfied": r.constraints_unsatisfied,
         "farthest_surface_vertex": farthest,
         "smallest_dihedral_degrees": angles.map(|a| a.smallest.to_degrees()),
         "largest_dihedral_degrees": angles.map(|a| a.largest.to_degrees()),

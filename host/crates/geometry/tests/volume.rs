@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use armature_geometry::{
-    FastWindingNumber, Resolution, TetrahedralMesh, TriangleMesh, Volume, VolumeConstraints, VolumeError, VolumeInput,
-    VolumeSettings, cotangent_laplacian_tetrahedra, volume,
+    FastWindingNumber, Resolution, ShellShortfall, TetrahedralMesh, TriangleMesh, Volume, VolumeConstraints,
+    VolumeError, VolumeInput, VolumeSettings, cotangent_laplacian_tetrahedra, volume,
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -193,6 +193,24 @@ fn boundary_vertices(mesh: &TetrahedralMesh) -> Vec<bool> {
         facet.iter().for_each(|&v| on_boundary[v as usize] = true);
     }
     on_boundary
+}
+
+#[test]
+fn loose_triangles_have_a_volume_too() {
+    let ball = sphere(4);
+    let mut soup = TriangleMesh::default();
+    let mut noise = noise();
+    for t in &ball.triangles {
+        let by: [f64; 3] = std::array::from_fn(|_| 0.02 * noise());
+        let first = soup.vertices.len() as u32;
+        soup.vertices.extend(t.map(|v| std::array::from_fn::<f64, 3, _>(|k| ball.vertices[v as usize][k] + by[k])));
+        soup.triangles.push([first, first + 1, first + 2]);
+    }
+    let made = make(&soup, &[], Resolution::Embedded { vertices: 2000 }).unwrap();
+    check("soup", &soup, &made);
+    assert_eq!(made.report.shortfall, Some(ShellShortfall::Samples));
+    let ball = 4.0 / 3.0 * std::f64::consts::PI;
+    assert!((made.report.volume - ball).abs() < 0.1 * ball, "{}", made.report.volume);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::delaunay::Triangulation;
 use crate::edges;
 use crate::predicates::orientation;
 
-/// For every element its winding number; `None` if the surface is open or a facet is missing. `triangles` are the
+/// For every element its winding number; `None` if the surface is open, a facet is missing or there are none. `triangles` are the
 /// input's in the triangulation's numbering; `unique_of` says which constraint each is, if one.
 pub(super) fn closed_winding(
     triangulation: &mut Triangulation,
@@ -16,7 +16,7 @@ pub(super) fn closed_winding(
     triangles: &[[u32; 3]],
     unique_of: &[Option<u32>],
 ) -> Option<Vec<f64>> {
-    let is_closed = edges(triangles).iter().all(|edge| 2 * edge.forward == edge.triangles);
+    let is_closed = !triangles.is_empty() && edges(triangles).iter().all(|edge| 2 * edge.forward == edge.triangles);
     if !is_closed || constraints.state.contains(&State::GivenUp) {
         return None;
     }
