@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use armature_sim::serve;
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use crate::engine::simulated::SimulatedArgs;
 use crate::slice::Axis;
@@ -69,6 +69,15 @@ are inside out; a flat mesh is filled with triangles. The file is chosen by its 
   armature volume body.obj --skeleton bones.tgf -o body.mesh            vertices along every bone
   armature volume body.obj --conforming -o body.msh                     every vertex of the mesh is one of the volume";
 
+/// What a volume can be asked to obey.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum VolumeRequirement {
+    /// Each facet of the surface has an element, so that thin accessories stay
+    Facets,
+    /// The boundary is a manifold: no two parts meet in an edge or a vertex alone
+    Manifold,
+}
+
 /// `armature volume`
 #[derive(Debug, Args)]
 #[command(after_help = VOLUME_HELP)]
@@ -91,12 +100,9 @@ pub struct VolumeArgs {
     /// About how many vertices a coarser volume has (10000 unless told otherwise)
     #[arg(long, value_parser = volume_vertices)]
     pub vertices: Option<usize>,
-    /// Give each facet of the surface an element, so that thin accessories stay
-    #[arg(long)]
-    pub keep_facets: bool,
-    /// Fill in until the volume's boundary is a manifold: no two parts meet in an edge or a vertex alone
-    #[arg(long)]
-    pub manifold: bool,
+    /// What the volume has to obey besides, one or both with a comma between
+    #[arg(long, value_enum, value_delimiter = ',')]
+    pub require: Vec<VolumeRequirement>,
     /// Write a picture of a slice through the volume, coloured by winding number
     #[arg(long, value_name = "PNG")]
     pub slice: Option<PathBuf>,

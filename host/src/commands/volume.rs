@@ -8,7 +8,7 @@ use armature_geometry::{
 };
 
 use super::volume_report::{Told, flat_report, solid_report};
-use crate::cli::args::VolumeArgs;
+use crate::cli::args::{VolumeArgs, VolumeRequirement};
 use crate::failure::Failure;
 use crate::slice::{Axis, Slice, SliceCells, SlicePlane, draw_slice};
 use crate::talk::{Bar, Talk};
@@ -37,7 +37,9 @@ pub fn volume(args: &VolumeArgs, talk: Talk) -> Result<(), Failure> {
         _ => Resolution::Conforming,
     };
     let mut progress = bar.stages();
-    let constraints = VolumeConstraints { facets: args.keep_facets, manifold: args.manifold };
+    let asks = |what| args.require.contains(&what);
+    let constraints =
+        VolumeConstraints { facets: asks(VolumeRequirement::Facets), manifold: asks(VolumeRequirement::Manifold) };
     let settings = VolumeSettings { resolution, constraints, ..VolumeSettings::default() };
     let made = make(&model.mesh, &handles, &settings, &mut progress).map_err(|e| e.in_file(&args.mesh))?;
     drop(progress);
