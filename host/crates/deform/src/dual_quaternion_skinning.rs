@@ -6,9 +6,9 @@
 
 use armature_geometry::Influences;
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3};
-use rayon::prelude::*;
 
-use crate::linear_blend_skinning::{CHUNK, PARALLEL_FROM, SkinError, check_rest, expect_length, unit, widen};
+use crate::in_chunks::in_chunks;
+use crate::linear_blend_skinning::{SkinError, check_rest, expect_length, unit, widen};
 use crate::nearest_rotation::{LANES, Lane, nearest_rotations};
 use crate::widest::{Kernel, widest};
 
@@ -99,15 +99,7 @@ impl DualQuaternionSkin {
         let skin_chunk = |blocks: &[Block], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
             widest(SkinBlocks { blocks, layers, bones, positions, normals });
         };
-        if self.vertex_count < PARALLEL_FROM {
-            skin_chunk(&self.blocks, positions, normals);
-        } else {
-            self.blocks
-                .par_chunks(CHUNK / LANES)
-                .zip(positions.par_chunks_mut(CHUNK))
-                .zip(normals.par_chunks_mut(CHUNK))
-                .for_each(|((blocks, positions), normals)| skin_chunk(blocks, positions, normals));
-        }
+        in_chunks::<LANES, _>(&self.blocks, positions, normals, skin_chunk);
         Ok(())
     }
 

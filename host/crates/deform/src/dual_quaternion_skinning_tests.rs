@@ -143,7 +143,7 @@ fn scale_is_ignored_but_origins_are_followed() {
 #[test]
 fn many_vertices_give_the_same_as_few_and_nonsense_is_named() {
     let dice = &mut Dice(7);
-    let big = scene(PARALLEL_FROM + 1234, 13, 4, dice);
+    let big = scene(crate::in_chunks::PARALLEL_FROM + 1234, 13, 4, dice);
     let pose: Vec<Affine3A> = (0..13).map(|_| dice.motion()).collect();
     let mut skin = DualQuaternionSkin::precompute(&big.positions, &big.normals, &big.influences, &big.rest).unwrap();
     let count = big.positions.len();

@@ -9,6 +9,7 @@ mod arap_reduction;
 mod arap_solve;
 mod dense;
 mod dual_quaternion_skinning;
+mod in_chunks;
 mod linear_blend_skinning;
 mod nearest_rotation;
 mod reduced_arap;

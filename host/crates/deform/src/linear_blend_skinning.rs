@@ -2,15 +2,11 @@
 
 use armature_geometry::Influences;
 use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec4};
-use rayon::prelude::*;
+
+use crate::in_chunks::in_chunks;
 
 /// Vertices that go through the arithmetic side by side, one register wide.
 const LANES: usize = 4;
-/// Vertices a thread takes at a time.
-pub(crate) const CHUNK: usize = 4096;
-/// Below this many vertices waking a second thread costs more than it saves: 32k vertices take about 0.27 ms on
-/// one core, a wake-up 0.02 to 0.1 ms.
-pub(crate) const PARALLEL_FROM: usize = 8 * CHUNK;
 /// A blended map whose cofactors, relative to its own largest entry, shrink a normal to less than this (squared)
 /// has flattened the surface there to a line or a point: about 16 units in the last place of `f32`.
 const FLAT: f32 = 4e-12;
@@ -153,15 +149,7 @@ impl LinearBlendSkin {
                 skin_block(block, &layers[block.layers.clone()], bones, positions, normals);
             }
         };
-        if self.vertex_count < PARALLEL_FROM {
-            skin_chunk(&self.blocks, positions, normals);
-        } else {
-            self.blocks
-                .par_chunks(CHUNK / LANES)
-                .zip(positions.par_chunks_mut(CHUNK))
-                .zip(normals.par_chunks_mut(CHUNK))
-                .for_each(|((blocks, positions), normals)| skin_chunk(blocks, positions, normals));
-        }
+        in_chunks::<LANES, _>(&self.blocks, positions, normals, skin_chunk);
         Ok(())
     }
 }

@@ -167,7 +167,7 @@ fn agrees_with_the_naive_formula() {
 #[test]
 fn many_vertices_give_the_same_as_few() {
     let dice = &mut Dice(5);
-    let big = scene(PARALLEL_FROM + 1234, 13, 4, dice);
+    let big = scene(crate::in_chunks::PARALLEL_FROM + 1234, 13, 4, dice);
     let pose: Vec<Affine3A> = (0..13).map(|_| dice.frame()).collect();
     let (positions, normals) = big.skin(&pose);
     let cut = 1000;

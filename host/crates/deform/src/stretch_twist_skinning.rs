@@ -6,10 +6,10 @@
 
 use armature_geometry::Influences;
 use glam::{Affine3A, DQuat, DVec3, Quat, Vec3};
-use rayon::prelude::*;
 
 use crate::dual_quaternion_skinning::{move_positions, turn, write};
-use crate::linear_blend_skinning::{CHUNK, PARALLEL_FROM, SkinError, check_rest, expect_length, unit};
+use crate::in_chunks::in_chunks;
+use crate::linear_blend_skinning::{SkinError, check_rest, expect_length, unit};
 use crate::nearest_rotation::{LANES, Lane};
 use crate::widest::{Kernel, widest};
 
@@ -143,15 +143,7 @@ impl StretchTwistSkin {
         let skin_chunk = |blocks: &[Block], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
             widest(SkinBlocks { blend, blocks, layers, bones, positions, normals });
         };
-        if self.vertex_count < PARALLEL_FROM {
-            skin_chunk(&self.blocks, positions, normals);
-        } else {
-            self.blocks
-                .par_chunks(CHUNK / LANES)
-                .zip(positions.par_chunks_mut(CHUNK))
-                .zip(normals.par_chunks_mut(CHUNK))
-                .for_each(|((blocks, positions), normals)| skin_chunk(blocks, positions, normals));
-        }
+        in_chunks::<LANES, _>(&self.blocks, positions, normals, skin_chunk);
         Ok(())
     }
 }
