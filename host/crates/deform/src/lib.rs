@@ -9,11 +9,13 @@ mod arap_reduction;
 mod arap_solve;
 mod dense;
 mod dual_quaternion_skinning;
+mod eight;
 mod in_chunks;
 mod linear_blend_skinning;
 mod nearest_rotation;
 mod reduced_arap;
 mod rotation_clusters;
+mod skin_blocks;
 mod stretch_twist_skinning;
 mod widest;
 

@@ -1,45 +1,31 @@
 //! Linear blend skinning of positions and normals on the CPU (thesis eq. 2.1: `v' = Σ_b w_b T_b v`).
+#![expect(
+    clippy::inline_always,
+    reason = "a kernel is compiled for wide registers only where it is inlined into the dispatch"
+)]
 
 use armature_geometry::Influences;
-use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec4};
+use glam::{Affine3A, DAffine3, DVec3};
 
-use crate::in_chunks::in_chunks;
+use crate::eight::Eight;
+use crate::nearest_rotation::{LANES, Lane};
+use crate::skin_blocks::{Block, Layer, Map, SkinBlocks, load, move_by_map, turn_by_map, write};
+use crate::widest::{EightKernel, with_eight};
 
-/// Vertices that go through the arithmetic side by side, one register wide.
-const LANES: usize = 4;
-/// A blended map whose cofactors, relative to its own largest entry, shrink a normal to less than this (squared)
-/// has flattened the surface there to a line or a point: about 16 units in the last place of `f32`.
-const FLAT: f32 = 4e-12;
-
-/// One bone's `model_from_rest` as three rows of `(x, y, z, translation)`.
-type Rows = [Vec4; 3];
-/// One number a lane.
-type Lane = Vec4;
+/// One bone's `model_from_rest` as rows of `(x, y, z, translation)`: two that fill a register, and the third.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+struct Rows {
+    upper: Lane,
+    lower: [f32; 4],
+}
 
 /// A character made ready to be skinned every frame.
-///
-/// Vertices are kept in blocks of four as structures of arrays, each block with as many influence layers as its
-/// busiest vertex needs.
 #[derive(Clone, Debug)]
 pub struct LinearBlendSkin {
-    vertex_count: usize,
-    blocks: Vec<Block>,
-    layers: Vec<Layer>,
+    blocks: SkinBlocks,
     bone_from_rest: Vec<DAffine3>,
     model_from_rest: Vec<Rows>,
-}
-
-#[derive(Clone, Debug)]
-struct Block {
-    position: [Lane; 3],
-    normal: [Lane; 3],
-    layers: std::ops::Range<usize>,
-}
-
-#[derive(Clone, Debug)]
-struct Layer {
-    bones: [u16; LANES],
-    weights: [f32; LANES],
 }
 
 /// Why a character cannot be skinned.
@@ -97,18 +83,14 @@ impl LinearBlendSkin {
         rest_model_from_bone: &[Affine3A],
     ) -> Result<Self, SkinError> {
         let bone_from_rest = check_rest(rest_positions, rest_normals, influences, rest_model_from_bone)?;
-        let (vertex_count, bone_count) = (rest_positions.len(), bone_from_rest.len());
-        let mut layers = Vec::new();
-        let blocks = (0..vertex_count)
-            .step_by(LANES)
-            .map(|first| Block::new(first, rest_positions, rest_normals, influences, &mut layers))
-            .collect();
-        Ok(Self { vertex_count, blocks, layers, bone_from_rest, model_from_rest: vec![[Vec4::ZERO; 3]; bone_count] })
+        let blocks = SkinBlocks::new(rest_positions, rest_normals, influences);
+        let model_from_rest = vec![Rows { upper: [0.0; LANES], lower: [0.0; 4] }; bone_from_rest.len()];
+        Ok(Self { blocks, bone_from_rest, model_from_rest })
     }
 
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
-        self.vertex_count
+        self.blocks.vertex_count
     }
 
     /// Number of bones.
@@ -133,111 +115,59 @@ impl LinearBlendSkin {
         normals: &mut [[f32; 3]],
     ) -> Result<(), SkinError> {
         expect_length("posed bones", model_from_bone.len(), self.bone_count())?;
-        expect_length("room for positions", positions.len(), self.vertex_count)?;
-        expect_length("room for normals", normals.len(), self.vertex_count)?;
+        expect_length("room for positions", positions.len(), self.vertex_count())?;
+        expect_length("room for normals", normals.len(), self.vertex_count())?;
         for (bone, (frame, rest)) in model_from_bone.iter().zip(&self.bone_from_rest).enumerate() {
-            let rows = rows_of(&(widen(frame) * *rest));
-            if !rows.iter().all(|row| row.is_finite()) {
-                return Err(SkinError::PoseNotFinite { bone });
-            }
-            self.model_from_rest[bone] = rows;
+            self.model_from_rest[bone] = rows_of(&(widen(frame) * *rest)).ok_or(SkinError::PoseNotFinite { bone })?;
         }
-        let (layers, bones) = (&self.layers, &self.model_from_rest);
+        let (layers, bones) = (&self.blocks.layers, &self.model_from_rest);
         let skin_chunk = |blocks: &[Block], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
-            let outputs = positions.chunks_mut(LANES).zip(normals.chunks_mut(LANES));
-            for (block, (positions, normals)) in blocks.iter().zip(outputs) {
-                skin_block(block, &layers[block.layers.clone()], bones, positions, normals);
-            }
+            with_eight(SkinChunk { blocks, layers, bones, positions, normals });
         };
-        in_chunks::<LANES, _>(&self.blocks, positions, normals, skin_chunk);
+        self.blocks.in_chunks(positions, normals, skin_chunk);
         Ok(())
     }
 }
 
-impl Block {
-    fn new(
-        first: usize,
-        rest_positions: &[[f32; 3]],
-        rest_normals: &[[f32; 3]],
-        influences: &Influences,
-        layers: &mut Vec<Layer>,
-    ) -> Self {
-        let first_layer = layers.len();
-        let mut block = Self { position: [Vec4::ZERO; 3], normal: [Vec4::ZERO; 3], layers: first_layer..first_layer };
-        for (lane, vertex) in (first..rest_positions.len()).take(LANES).enumerate() {
-            let normal = unit(rest_normals[vertex]);
-            for axis in 0..3 {
-                block.position[axis][lane] = rest_positions[vertex][axis];
-                block.normal[axis][lane] = normal[axis];
-            }
-            for (slot, (bone, weight)) in influences.of_vertex(vertex).enumerate() {
-                if layers.len() == first_layer + slot {
-                    layers.push(Layer { bones: [0; LANES], weights: [0.0; LANES] });
-                }
-                let layer = &mut layers[first_layer + slot];
-                layer.bones[lane] = bone;
-                layer.weights[lane] = weight;
-            }
+struct SkinChunk<'a> {
+    blocks: &'a [Block],
+    layers: &'a [Layer],
+    bones: &'a [Rows],
+    positions: &'a mut [[f32; 3]],
+    normals: &'a mut [[f32; 3]],
+}
+
+impl EightKernel for SkinChunk<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<E: Eight>(self) {
+        let outputs = self.positions.chunks_mut(LANES).zip(self.normals.chunks_mut(LANES));
+        for (block, (positions, normals)) in self.blocks.iter().zip(outputs) {
+            let map = blend::<E>(&self.layers[block.layers()], self.bones);
+            write(move_by_map(&map, load(&block.position)), positions);
+            write(turn_by_map(&map, load(&block.normal)), normals);
         }
-        block.layers.end = layers.len();
-        block
     }
 }
 
-/// Blends each lane's matrix (one bone's rows are contiguous, so this runs along the rows), transposes, and moves
-/// all lanes at once.
-fn skin_block(block: &Block, layers: &[Layer], bones: &[Rows], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]) {
-    let mut blended = [[Vec4::ZERO; LANES]; 3];
+/// Each lane's matrices run along their rows, two rows in one register and the third beside that of the lane four
+/// further on; the sums are transposed.
+#[inline(always)]
+fn blend<E: Eight>(layers: &[Layer], bones: &[Rows]) -> Map<E> {
+    let (mut upper, mut lower) = ([E::zero(); LANES], [E::zero(); 4]);
     for layer in layers {
-        for lane in 0..LANES {
-            let (bone, weight) = (&bones[usize::from(layer.bones[lane])], layer.weights[lane]);
-            for (row, bone_row) in blended.iter_mut().zip(bone) {
-                row[lane] += *bone_row * weight;
-            }
+        let rows = |lane: usize| &bones[usize::from(layer.bones[lane])];
+        let weights = E::load(&layer.weights).spread();
+        for lane in 0..4 {
+            let (near, far) = (rows(lane), rows(lane + 4));
+            upper[lane] = upper[lane].plus_product(E::load(&near.upper), E::splat(layer.weights[lane]));
+            upper[lane + 4] = upper[lane + 4].plus_product(E::load(&far.upper), E::splat(layer.weights[lane + 4]));
+            lower[lane] = lower[lane].plus_product(E::halves(&near.lower, &far.lower), weights[lane]);
         }
     }
-    let map = blended.map(|[a, b, c, d]| {
-        let lanes = Mat4::from_cols(a, b, c, d).transpose();
-        [lanes.x_axis, lanes.y_axis, lanes.z_axis, lanes.w_axis]
-    });
-    let moved = interleave(move_positions(&map, &block.position));
-    let turned = interleave(turn_normals(&map, &block.normal));
-    // A full block is the rule; the last one may be shorter.
-    if let (Some(positions), Some(normals)) = (positions.first_chunk_mut(), normals.first_chunk_mut()) {
-        (*positions, *normals) = (moved, turned);
-    } else {
-        positions.iter_mut().zip(moved).for_each(|(to, from)| *to = from);
-        normals.iter_mut().zip(turned).for_each(|(to, from)| *to = from);
-    }
-}
-
-fn interleave([x, y, z]: [Lane; 3]) -> [[f32; 3]; LANES] {
-    let lanes = Mat4::from_cols(x, y, z, Vec4::ZERO).transpose();
-    [lanes.x_axis, lanes.y_axis, lanes.z_axis, lanes.w_axis].map(|v| [v.x, v.y, v.z])
-}
-
-fn move_positions(map: &[[Lane; 4]; 3], p: &[Lane; 3]) -> [Lane; 3] {
-    map.map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3])
-}
-
-/// Row i of the cofactor matrix is the cross product of the other two rows.
-fn turn_normals(map: &[[Lane; 4]; 3], n: &[Lane; 3]) -> [Lane; 3] {
-    let scale = map.iter().flat_map(|row| &row[..3]).fold(Vec4::ZERO, |scale, entry| scale.max(entry.abs()));
-    let shrink = scale.recip();
-    let unit = map.map(|row| [row[0] * shrink, row[1] * shrink, row[2] * shrink]);
-    let cofactors_times_normal = |a: &[Lane; 3], b: &[Lane; 3]| {
-        (a[1] * b[2] - a[2] * b[1]) * n[0] + (a[2] * b[0] - a[0] * b[2]) * n[1] + (a[0] * b[1] - a[1] * b[0]) * n[2]
-    };
-    let turned = [
-        cofactors_times_normal(&unit[1], &unit[2]),
-        cofactors_times_normal(&unit[2], &unit[0]),
-        cofactors_times_normal(&unit[0], &unit[1]),
-    ];
-    let squared = turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2];
-    let stretch = Vec4::from_array(squared.to_array().map(f32::sqrt)).recip();
-    // A comparison with NaN (zero matrix, overflow) is false and so keeps the rest normal too.
-    let sane = squared.cmpgt(Vec4::splat(FLAT));
-    [0, 1, 2].map(|axis| Vec4::select(sane, turned[axis] * stretch, n[axis]))
+    let [a, b, c, d, e, f, g, h] = E::transpose(upper);
+    [[a, b, c, d], [e, f, g, h], E::transpose_halves(lower)]
 }
 
 /// Checks a character in its rest pose; returns the inverse rest frames.
@@ -282,10 +212,13 @@ fn invert(frame: &Affine3A) -> Option<DAffine3> {
     (frame.is_finite() && inverse.is_finite()).then_some(inverse)
 }
 
-fn rows_of(frame: &DAffine3) -> Rows {
+fn rows_of(frame: &DAffine3) -> Option<Rows> {
     let m = frame.matrix3.transpose();
-    let row = |r: DVec3, t: f64| r.extend(t).as_vec4();
-    [row(m.x_axis, frame.translation.x), row(m.y_axis, frame.translation.y), row(m.z_axis, frame.translation.z)]
+    let row = |r: DVec3, t: f64| r.extend(t).as_vec4().to_array();
+    let [a, b] = [row(m.x_axis, frame.translation.x), row(m.y_axis, frame.translation.y)];
+    let lower = row(m.z_axis, frame.translation.z);
+    let upper = std::array::from_fn(|i| if i < 4 { a[i] } else { b[i - 4] });
+    upper.iter().chain(&lower).all(|c| c.is_finite()).then_some(Rows { upper, lower })
 }
 
 pub(crate) fn unit(n: [f32; 3]) -> [f32; 3] {

@@ -130,6 +130,55 @@ fn bones_at_their_length_without_twist_give_the_underlying_method() {
 }
 
 #[test]
+fn the_underlying_method_is_reproduced_bit_for_bit() {
+    // Half turns, which frames and quaternions hold exactly; both twists a whole number of nothing.
+    let dice = &mut Dice(4);
+    let scene = scene(500, dice);
+    let turns = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    let pose: Vec<StretchTwist> = (0..9)
+        .map(|bone| StretchTwist {
+            start: dice.vector(),
+            turn: Quat::from_array(turns[bone % 4]),
+            stretch: 1.0,
+            twist: [0.0, -0.0],
+        })
+        .collect();
+    let rest: Vec<Affine3A> = scene.rest.iter().map(|b| Affine3A::from_translation(b.start)).collect();
+    let frames: Vec<Affine3A> = pose.iter().map(|p| Affine3A::from_rotation_translation(p.turn, p.start)).collect();
+    let (p, n, w) = (&scene.positions, &scene.normals, &scene.influences);
+    let mut linear = (p.clone(), n.clone());
+    LinearBlendSkin::precompute(p, n, w, &rest).unwrap().solve(&frames, &mut linear.0, &mut linear.1).unwrap();
+    assert_eq!(scene.skin(&pose, BoneBlend::Linear), linear);
+}
+
+#[test]
+fn five_and_more_influences_count() {
+    let dice = &mut Dice(5);
+    let four = scene(203, dice);
+    let pose = pose(&four, 2.0, 0.9, dice);
+    // Every influence twice, with half its weight and the same place along its bone: nothing may change.
+    let (bones, weights) = (four.influences.bones(), four.influences.weights());
+    let twice = |slot: usize| 4 * (slot / 8) + slot % 8 / 2;
+    let eight = Scene {
+        influences: Influences::new(
+            8,
+            (0..8 * 203).map(|slot| bones[twice(slot)]).collect(),
+            (0..8 * 203).map(|slot| 0.5 * weights[twice(slot)]).collect(),
+            9,
+        )
+        .unwrap(),
+        ends: (0..8 * 203).map(|slot| four.ends[twice(slot)]).collect(),
+        ..scene(203, &mut Dice(5))
+    };
+    for blend in [BoneBlend::Linear, BoneBlend::DualQuaternion] {
+        let (expected, got) = (four.skin(&pose, blend), eight.skin(&pose, blend));
+        for vertex in 0..203 {
+            assert!(Vec3::from(expected.0[vertex]).distance(got.0[vertex].into()) < 1e-5, "{blend:?} {vertex}");
+        }
+    }
+}
+
+#[test]
 fn twist_spreads_along_a_bone_and_stretch_ends_with_it() {
     // Points along and beyond a bone on x: half way it is half twisted, beyond its end it moves as one.
     let positions: Vec<[f32; 3]> = [0.0, 1.0, 2.0, 3.0, 5.0].map(|x| [x, 1.0, 0.0]).to_vec();
@@ -156,15 +205,31 @@ fn twist_spreads_along_a_bone_and_stretch_ends_with_it() {
     }
 }
 
+struct SineAndCosine(f32);
+
+impl EightKernel for SineAndCosine {
+    type Output = [f32; 2];
+
+    #[inline(always)]
+    fn run<E: Eight>(self) -> [f32; 2] {
+        let (sine, cosine) = sine_and_cosine(E::splat(self.0));
+        let mut lanes = [[0.0; LANES]; 2];
+        sine.store(&mut lanes[0]);
+        cosine.store(&mut lanes[1]);
+        lanes.map(|lane| lane[3])
+    }
+}
+
 #[test]
 fn angles_of_any_size_turn_as_they_should() {
     for step in -4000..4000 {
         let angle = step as f32 * 0.01;
-        let (sine, cosine) = sine_and_cosine(angle);
+        let [sine, cosine] = with_eight(SineAndCosine(angle)).map(f64::from);
         let (s, c) = f64::from(angle).sin_cos();
-        assert!((f64::from(sine) - s).abs() < 3e-6 && (f64::from(cosine) - c).abs() < 3e-6, "{angle}");
+        let sign = (s * sine + c * cosine).signum();
+        assert!((sign * sine - s).abs() < 4e-7 && (sign * cosine - c).abs() < 4e-7, "{angle}: {sine} {cosine}");
     }
-    assert_eq!(sine_and_cosine(0.0), (0.0, 1.0));
+    assert_eq!(with_eight(SineAndCosine(0.0)).map(f32::to_bits), [0.0_f32, 1.0].map(f32::to_bits));
 }
 
 #[test]

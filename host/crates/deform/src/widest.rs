@@ -1,6 +1,9 @@
 //! Runs a kernel with the widest registers the processor has.
 //!
-//! The kernels are loops over lanes without fused multiply-add, so every width computes the same bits.
+//! Kernels that are loops over lanes have no fused multiply-add: every width computes the same bits. Those that name
+//! their registers may fuse (see [`Eight`]).
+
+use crate::eight::{Eight, Plain};
 
 /// A kernel together with what it works on. `run` and everything hot below it has to be `#[inline(always)]`:
 /// only what is inlined is compiled for the wide registers.
@@ -9,6 +12,14 @@ pub(crate) trait Kernel {
     type Output;
     /// The work itself.
     fn run(self) -> Self::Output;
+}
+
+/// A kernel that names its registers, under the same rule.
+pub(crate) trait EightKernel {
+    /// What the kernel returns.
+    type Output;
+    /// The work itself.
+    fn run<E: Eight>(self) -> Self::Output;
 }
 
 /// Runs a kernel, compiled for AVX2 where the processor has it and for the build's own target elsewhere.
@@ -26,4 +37,21 @@ pub(crate) fn widest<K: Kernel>(kernel: K) -> K::Output {
 #[target_feature(enable = "avx2")]
 fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
+}
+
+/// Runs a kernel with the instructions of AVX2 and FMA where the processor has them and with plain loops elsewhere.
+#[inline]
+pub(crate) fn with_eight<K: EightKernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        // SAFETY: the processor has just been seen to have both.
+        return unsafe { eight_with_avx2(kernel) };
+    }
+    kernel.run::<Plain>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn eight_with_avx2<K: EightKernel>(kernel: K) -> K::Output {
+    kernel.run::<crate::eight::Avx2>()
 }

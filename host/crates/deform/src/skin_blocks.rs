@@ -1,0 +1,235 @@
+//! A character's vertices as the skinning kernels read them: eight side by side, as structures of arrays.
+#![expect(
+    clippy::inline_always,
+    reason = "a kernel is compiled for wide registers only where it is inlined into the dispatch"
+)]
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use armature_geometry::Influences;
+
+use crate::eight::Eight;
+use crate::in_chunks::in_chunks;
+use crate::linear_blend_skinning::unit;
+use crate::nearest_rotation::{LANES, Lane};
+
+/// A blended map whose cofactors, relative to its own largest entry, shrink a normal to less than this (squared)
+/// has flattened the surface there to a line or a point: about 16 units in the last place of `f32`.
+const FLAT: f32 = 4e-12;
+
+/// Blocks of eight vertices, each with as many influence layers as its busiest vertex needs.
+#[derive(Clone, Debug)]
+pub(crate) struct SkinBlocks {
+    pub(crate) vertex_count: usize,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) layers: Vec<Layer>,
+}
+
+/// Eight vertices at rest. Lanes without a vertex are at the origin.
+#[derive(Clone, Debug)]
+#[repr(C, align(32))]
+pub(crate) struct Block {
+    pub(crate) position: [Lane; 3],
+    /// Unit, or zero for a vertex without a normal.
+    pub(crate) normal: [Lane; 3],
+    first_layer: u32,
+    end_layer: u32,
+}
+
+/// One influence of each of eight vertices, the heaviest in a block's first layer. Lanes without one follow bone 0
+/// with weight 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Layer {
+    pub(crate) bones: [u16; LANES],
+    pub(crate) weights: Lane,
+}
+
+/// Three rows of `(x, y, z, translation)`, eight maps side by side.
+pub(crate) type Map<E> = [[E; 4]; 3];
+
+impl Block {
+    pub(crate) fn layers(&self) -> Range<usize> {
+        self.first_layer as usize..self.end_layer as usize
+    }
+}
+
+impl SkinBlocks {
+    /// Takes what [`check_rest`](crate::linear_blend_skinning::check_rest) has found sound.
+    pub(crate) fn new(rest_positions: &[[f32; 3]], rest_normals: &[[f32; 3]], influences: &Influences) -> Self {
+        let vertex_count = rest_positions.len();
+        let mut layers: Vec<Layer> = Vec::new();
+        let mut blocks = Vec::with_capacity(vertex_count.div_ceil(LANES));
+        for first in (0..vertex_count).step_by(LANES) {
+            let first_layer = layers.len();
+            let (mut position, mut normal) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+            for (lane, vertex) in (first..vertex_count).take(LANES).enumerate() {
+                let direction = unit(rest_normals[vertex]);
+                for axis in 0..3 {
+                    position[axis][lane] = rest_positions[vertex][axis];
+                    normal[axis][lane] = direction[axis];
+                }
+                for (slot, (bone, weight)) in influences.of_vertex(vertex).enumerate() {
+                    if layers.len() == first_layer + slot {
+                        layers.push(Layer { bones: [0; LANES], weights: [0.0; LANES] });
+                    }
+                    layers[first_layer + slot].bones[lane] = bone;
+                    layers[first_layer + slot].weights[lane] = weight;
+                }
+            }
+            blocks.push(Block { position, normal, first_layer: first_layer as u32, end_layer: layers.len() as u32 });
+        }
+        Self { vertex_count, blocks, layers }
+    }
+
+    /// Numbers that belong to the slots of `influences`, in the order of the layers; 0 where a lane has no influence.
+    pub(crate) fn by_layer(&self, influences: &Influences, of_slots: &[f32]) -> Vec<Lane> {
+        let mut out = vec![[0.0; LANES]; self.layers.len()];
+        for vertex in 0..self.vertex_count {
+            let first_layer = self.blocks[vertex / LANES].first_layer as usize;
+            for slot in 0..influences.of_vertex(vertex).count() {
+                out[first_layer + slot][vertex % LANES] = of_slots[vertex * influences.per_vertex() + slot];
+            }
+        }
+        out
+    }
+
+    /// Calls `skin` on parts of the blocks and the room for their results; see [`in_chunks`].
+    pub(crate) fn in_chunks(
+        &self,
+        positions: &mut [[f32; 3]],
+        normals: &mut [[f32; 3]],
+        skin: impl Fn(&[Block], &mut [[f32; 3]], &mut [[f32; 3]]) + Sync,
+    ) {
+        in_chunks::<LANES, _>(&self.blocks, positions, normals, skin);
+    }
+}
+
+/// The pairs of bones that meet in a vertex, its heaviest first: what the signs of dual quaternions hang on.
+#[derive(Clone, Debug)]
+pub(crate) struct Pivots {
+    /// `[heaviest, other]`, each pair once.
+    pub(crate) pairs: Vec<[u16; 2]>,
+    /// For each layer, which pair each lane's influence makes with that of its block's first layer.
+    pub(crate) of_layers: Vec<[u32; LANES]>,
+}
+
+impl Pivots {
+    pub(crate) fn new(blocks: &SkinBlocks) -> Self {
+        let mut number_of = HashMap::new();
+        let mut out = Self { pairs: Vec::new(), of_layers: Vec::with_capacity(blocks.layers.len()) };
+        for block in &blocks.blocks {
+            let layers = &blocks.layers[block.layers()];
+            for layer in layers {
+                out.of_layers.push(std::array::from_fn(|lane| {
+                    let pair = [layers[0].bones[lane], layer.bones[lane]];
+                    *number_of.entry(pair).or_insert_with(|| {
+                        out.pairs.push(pair);
+                        out.pairs.len() as u32 - 1
+                    })
+                }));
+            }
+        }
+        out
+    }
+}
+
+/// Writes eight points where there is room for eight; the last block may have less.
+#[inline(always)]
+pub(crate) fn write<E: Eight>(points: [E; 3], to: &mut [[f32; 3]]) {
+    if let Some(to) = to.first_chunk_mut() {
+        E::interleave(points, to);
+    } else {
+        let mut all = [[0.0; 3]; LANES];
+        E::interleave(points, &mut all);
+        to.iter_mut().zip(all).for_each(|(to, from)| *to = from);
+    }
+}
+
+#[inline(always)]
+pub(crate) fn load<E: Eight>(lanes: &[Lane; 3]) -> [E; 3] {
+    [E::load(&lanes[0]), E::load(&lanes[1]), E::load(&lanes[2])]
+}
+
+#[inline(always)]
+pub(crate) fn move_by_map<E: Eight>(map: &Map<E>, p: [E; 3]) -> [E; 3] {
+    [move_by_row(map[0], p), move_by_row(map[1], p), move_by_row(map[2], p)]
+}
+
+// Small functions rather than closures here: a closure is not sure to be inlined.
+#[inline(always)]
+fn move_by_row<E: Eight>(row: [E; 4], p: [E; 3]) -> E {
+    row[3].plus_product(row[0], p[0]).plus_product(row[1], p[1]).plus_product(row[2], p[2])
+}
+
+/// Turns normals by a map's cofactors, that is, by its inverse transpose times its determinant, and makes them unit.
+/// Row i of the cofactor matrix is the cross product of the other two rows.
+#[inline(always)]
+pub(crate) fn turn_by_map<E: Eight>([a, b, c]: &Map<E>, n: [E; 3]) -> [E; 3] {
+    let shrink = E::splat(1.0) / largest(*a).max(largest(*b)).max(largest(*c));
+    let (a, b, c) = (scaled(*a, shrink), scaled(*b, shrink), scaled(*c, shrink));
+    let (x, y, z) = (dot_cross(n, b, c), dot_cross(n, c, a), dot_cross(n, a, b));
+    let squared = (x * x).plus_product(y, y).plus_product(z, z);
+    let stretch = E::splat(1.0) / squared.sqrt();
+    // A comparison with NaN (zero matrix, overflow) is false and so keeps the rest normal too.
+    let flat = E::splat(FLAT);
+    [
+        squared.if_above(flat, x * stretch, n[0]),
+        squared.if_above(flat, y * stretch, n[1]),
+        squared.if_above(flat, z * stretch, n[2]),
+    ]
+}
+
+#[inline(always)]
+fn largest<E: Eight>(row: [E; 4]) -> E {
+    row[0].abs().max(row[1].abs()).max(row[2].abs())
+}
+
+#[inline(always)]
+fn scaled<E: Eight>(row: [E; 4], by: E) -> [E; 3] {
+    [row[0] * by, row[1] * by, row[2] * by]
+}
+
+/// `n · (a × b)`.
+#[inline(always)]
+fn dot_cross<E: Eight>(n: [E; 3], a: [E; 3], b: [E; 3]) -> E {
+    ((a[1] * b[2] - a[2] * b[1]) * n[0])
+        .plus_product(a[2] * b[0] - a[0] * b[2], n[1])
+        .plus_product(a[0] * b[1] - a[1] * b[0], n[2])
+}
+
+/// `v + 2 q × (q × v + w v)` for unit quaternions `[w, x, y, z]`.
+#[inline(always)]
+pub(crate) fn turn<E: Eight>(motion: &[E; 8], v: [E; 3]) -> [E; 3] {
+    let [w, x, y, z, ..] = *motion;
+    let (x2, y2, z2) = (x + x, y + y, z + z);
+    let (tx, ty, tz) = (y2 * v[2] - z2 * v[1], z2 * v[0] - x2 * v[2], x2 * v[1] - y2 * v[0]);
+    [
+        v[0].plus_product(w, tx).plus_product(y, tz) - z * ty,
+        v[1].plus_product(w, ty).plus_product(z, tx) - x * tz,
+        v[2].plus_product(w, tz).plus_product(x, ty) - y * tx,
+    ]
+}
+
+/// Turned by a unit dual quaternion, real part first, then shifted by `2 (w d − d_w q + q × d)`.
+#[inline(always)]
+pub(crate) fn move_by_motion<E: Eight>(motion: &[E; 8], p: [E; 3]) -> [E; 3] {
+    let [w, x, y, z, dw, dx, dy, dz] = *motion;
+    let turned = turn(motion, p);
+    let (w, x, y, z) = (w + w, x + x, y + y, z + z);
+    [
+        turned[0].plus_product(w, dx).plus_product(y, dz) - (dw * x).plus_product(z, dy),
+        turned[1].plus_product(w, dy).plus_product(z, dx) - (dw * y).plus_product(x, dz),
+        turned[2].plus_product(w, dz).plus_product(x, dy) - (dw * z).plus_product(y, dx),
+    ]
+}
+
+/// Divides sums of dual quaternions by the length of their real parts.
+#[inline(always)]
+pub(crate) fn made_unit<E: Eight>(sum: [E; 8]) -> [E; 8] {
+    let squared = sum[0] * sum[0] + sum[1] * sum[1] + (sum[2] * sum[2] + sum[3] * sum[3]);
+    // Only lanes without a vertex have no length.
+    let inverse = E::splat(1.0) / squared.max(E::splat(1e-30)).sqrt();
+    let [a, b, c, d, e, f, g, h] = sum;
+    [a * inverse, b * inverse, c * inverse, d * inverse, e * inverse, f * inverse, g * inverse, h * inverse]
+}
