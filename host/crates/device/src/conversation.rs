@@ -12,7 +12,8 @@ use crate::requests::Requests;
 use crate::sequence::{Followed, SequenceFollower};
 use crate::topology::Assembly;
 use crate::{
-    DeviceInfo, DeviceProblem, Event, PartUid, RequestKind, Sample, SessionCounters, SessionSettings, Topology,
+    DeviceInfo, DeviceNotice, DeviceProblem, Event, PartUid, RequestKind, Sample, SessionCounters, SessionSettings,
+    Topology,
 };
 
 /// Samples kept while their topology is on its way; at 1,000 Hz the last two seconds.
@@ -22,6 +23,14 @@ const MAX_WITHHELD: usize = 2_000;
 /// of 46 parts takes 3.5 ms on a line of 3 Mbaud.
 const QUICK_ATTEMPTS: u32 = 8;
 const QUICKLY: Duration = Duration::from_millis(25);
+
+/// A device whose samples fitted none of so many of its answers will not be understood.
+const MISFITS: u32 = 4;
+/// A clock that goes back so often within this time is no device that starts anew.
+const BACKWARDS: usize = 4;
+const BACKWARDS_WITHIN: Duration = Duration::from_secs(20);
+/// More samples a second than 12 Mbaud carry of the smallest kind, in 1,000 seconds.
+const IMPOSSIBLE_RATE: u32 = 50_000_000;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stream {
@@ -48,6 +57,8 @@ struct Tree {
     complained: bool,
     /// Samples of an epoch whose topology is on its way.
     withheld: VecDeque<Sample>,
+    /// Answers in a row that fitted none of the samples that waited for them.
+    misfits: u32,
 }
 
 /// The state of the conversation. [`hear`](Self::hear) takes what the device says; [`pursue`](Self::pursue) asks for
@@ -75,6 +86,9 @@ pub(crate) struct Conversation {
     refused: Option<(RequestKind, u8)>,
     blink: Option<(PartUid, u16)>,
     next_ping: Duration,
+    /// When the clock of the samples last went back, and whether that was told.
+    backwards: VecDeque<Duration>,
+    backwards_told: bool,
 }
 
 impl Conversation {
@@ -100,6 +114,8 @@ impl Conversation {
             refused: None,
             blink: None,
             next_ping: Duration::ZERO,
+            backwards: VecDeque::new(),
+            backwards_told: false,
         }
     }
 
@@ -170,6 +186,10 @@ impl Conversation {
                     let (asked, granted) = (self.rate_asked, answer.rate_millihertz);
                     self.rate = Some(RateAnswer { asked, granted });
                     events.push(Event::RateGranted { asked_millihertz: asked, granted_millihertz: granted });
+                    if granted > IMPOSSIBLE_RATE {
+                        let hertz = f64::from(granted) / 1_000.0;
+                        events.push(Event::Notice(DeviceNotice::ImpossibleRate { hertz }));
+                    }
                 }
             }
             DeviceMessage::Acknowledge(acknowledge) => self.hear_acknowledge(now, *acknowledge, events),
@@ -235,8 +255,14 @@ impl Conversation {
                     events.push(Event::Topology(topology.clone()));
                     self.tree.known = Some(topology);
                 }
-                for sample in std::mem::take(&mut self.tree.withheld) {
+                let withheld = std::mem::take(&mut self.tree.withheld);
+                let latest = withheld.back().map(|sample| sample.epoch);
+                let before = self.counters.samples;
+                for sample in withheld {
                     self.lay_out(sample, events);
+                }
+                if let Some(epoch) = latest {
+                    self.count_misfits(now, epoch, self.counters.samples == before, events);
                 }
             }
             Err(problem) => {
@@ -246,6 +272,32 @@ impl Conversation {
                 }
             }
         }
+    }
+
+    /// Samples of this epoch have waited for the tree that has come now. Where again and again none of them fits it, the
+    /// tree is asked for less often.
+    fn count_misfits(&mut self, now: Duration, sample: u16, none_fits: bool, events: &mut Vec<Event>) {
+        let tree = self.tree.known.as_ref().map_or(sample, |known| known.epoch);
+        self.tree.misfits = if none_fits && tree != sample { self.tree.misfits.saturating_add(1) } else { 0 };
+        if self.tree.misfits == MISFITS {
+            events.push(Event::Problem(DeviceProblem::UnknownEpoch { sample, tree }));
+        }
+        if self.tree.misfits >= MISFITS {
+            self.requests.postpone(RequestKind::Topology, now + self.settings.refused_pause);
+        }
+    }
+
+    /// A sample's clock went back: once it is a device that has started anew.
+    fn clock_went_back(&mut self, now: Duration, events: &mut Vec<Event>) {
+        self.backwards.retain(|&at| now < at + BACKWARDS_WITHIN);
+        self.backwards_told &= !self.backwards.is_empty();
+        self.backwards.push_back(now);
+        let (times, since) = (self.backwards.len(), self.backwards.front().copied().unwrap_or(now));
+        if times >= BACKWARDS && !std::mem::replace(&mut self.backwards_told, true) {
+            let seconds = now.saturating_sub(since).as_secs();
+            events.push(Event::Problem(DeviceProblem::ClockRunsBackwards { times, seconds }));
+        }
+        self.restarted(events);
     }
 
     fn hear_acknowledge(&mut self, now: Duration, acknowledge: Acknowledge, events: &mut Vec<Event>) {
@@ -311,7 +363,7 @@ impl Conversation {
                 self.counters.duplicate_samples += 1;
                 return;
             }
-            Followed::Restarted => return self.restarted(events),
+            Followed::Restarted => return self.clock_went_back(now, events),
         }
         let sample = Sample {
             device_micros: sample.device_micros,
@@ -339,6 +391,7 @@ impl Conversation {
         let Some(topology) = &self.tree.known else { return };
         if topology.epoch == sample.epoch && topology.sensor_count == sample.counts.len() {
             self.counters.samples += 1;
+            self.tree.misfits = 0;
             events.push(Event::Sample(sample));
             return;
         }

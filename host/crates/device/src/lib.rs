@@ -35,5 +35,5 @@ pub use notice::DeviceNotice;
 pub use problem::DeviceProblem;
 pub use requests::RequestKind;
 pub use session::{Session, SessionSettings};
-pub use topology::{Topology, TopologyProblem};
+pub use topology::{MAX_PARTS, Topology, TopologyProblem};
 pub use transport::{Transport, memory, open};

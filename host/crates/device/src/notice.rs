@@ -21,6 +21,15 @@ pub enum DeviceNotice {
         /// Why.
         reason: String,
     },
+    /// A rate that no line carries.
+    #[error(
+        "the device promises {hertz:.0} samples a second, more than any line carries; samples are taken as they come, and \
+         its firmware had better state what it can do"
+    )]
+    ImpossibleRate {
+        /// What it promises, samples a second.
+        hertz: f64,
+    },
     /// The servos were found at another speed than the one asked for.
     #[error("the servos answer at {found} baud, not at {asked}: give @{found} behind the port to begin there")]
     FoundAtBaud {

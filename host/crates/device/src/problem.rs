@@ -49,6 +49,29 @@ pub enum DeviceProblem {
         /// Sensors of the sample.
         found: usize,
     },
+    /// Samples keep being numbered by a tree that the device does not describe.
+    #[error(
+        "the samples are numbered by tree {sample}, but asked for it the device keeps describing tree {tree}: update the \
+         device's firmware (the samples cannot be used until then)"
+    )]
+    UnknownEpoch {
+        /// Epoch of the samples.
+        sample: u16,
+        /// Epoch of the tree.
+        tree: u16,
+    },
+    /// The clock of the samples jumps back again and again.
+    #[error(
+        "the device's clock has run backwards {times} times within {seconds} s; each time the session begins again from \
+         the hello and samples are lost. A clock that never goes back is the firmware's duty; if it starts anew so often \
+         in truth, check its power supply"
+    )]
+    ClockRunsBackwards {
+        /// How often.
+        times: usize,
+        /// Within how long, s.
+        seconds: u64,
+    },
     /// The device talks but does not answer a request.
     #[error("the device talks but does not answer the {request} request; the session begins again from the hello")]
     NoAnswer {

@@ -6,6 +6,9 @@ use firmware_protocol::{MAX_SENSORS, TopologyChunk};
 
 use crate::{Part, PartKind, PartUid};
 
+/// Parts that a puppet may have; far beyond any real one, and few enough to be checked in no time.
+pub const MAX_PARTS: usize = 4_096;
+
 /// The tree of parts at one epoch.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Topology {
@@ -85,6 +88,12 @@ pub enum TopologyProblem {
         /// What it states.
         counts_per_turn: u32,
     },
+    /// More parts than anybody can have plugged together.
+    #[error("it claims to have {part_count} parts; {MAX_PARTS} are possible")]
+    TooManyParts {
+        /// How many.
+        part_count: usize,
+    },
     /// More sensors than a sample holds.
     #[error("the parts have {sensor_count} sensors together; a sample holds {MAX_SENSORS}")]
     TooManySensors {
@@ -96,6 +105,9 @@ pub enum TopologyProblem {
 impl Topology {
     /// Checks a list of parts.
     pub fn new(epoch: u16, parts: Vec<Part>) -> Result<Self, TopologyProblem> {
+        if parts.len() > MAX_PARTS {
+            return Err(TopologyProblem::TooManyParts { part_count: parts.len() });
+        }
         let mut uids = BTreeSet::new();
         let mut outlets = BTreeSet::new();
         let mut sensor_count = 0;
@@ -159,6 +171,12 @@ pub(crate) struct Assembly {
 impl Assembly {
     /// Takes a message; returns the checked tree when it was the last one. Another epoch or length begins anew.
     pub(crate) fn take(&mut self, chunk: &TopologyChunk<'_>) -> Option<Result<Topology, TopologyProblem>> {
+        let part_count = usize::from(chunk.part_count);
+        if part_count > MAX_PARTS {
+            // What it goes on to describe is not worth keeping.
+            *self = Self::default();
+            return Some(Err(TopologyProblem::TooManyParts { part_count }));
+        }
         if (chunk.epoch, chunk.part_count) != (self.epoch, self.part_count) {
             *self = Self { epoch: chunk.epoch, part_count: chunk.part_count, parts: BTreeMap::new() };
         }

@@ -45,6 +45,10 @@ pub(crate) struct FakeDevice {
     pub(crate) deaf_to: Vec<u8>,
     pub(crate) refuses: Vec<(u8, RefusalReason)>,
     pub(crate) heard: Vec<HostMessage>,
+    /// The epoch that its samples claim, where that is another one than its tree's.
+    pub(crate) claimed_epoch: Option<u16>,
+    /// Every so many samples its clock jumps back by a second.
+    pub(crate) clock_jumps_every: Option<u32>,
     /// Every sequence number it has taken a sample for since the last start.
     pub(crate) taken: u32,
 }
@@ -67,6 +71,8 @@ impl FakeDevice {
             deaf_to: Vec::new(),
             refuses: Vec::new(),
             heard: Vec::new(),
+            claimed_epoch: None,
+            clock_jumps_every: None,
             taken: 0,
         }
     }
@@ -175,10 +181,12 @@ impl FakeDevice {
             let sensors = self.parts.iter().map(|part| usize::from(part.sensor_count)).sum();
             let sequence = self.sequence;
             let counts: Vec<u16> = (0..sensors).map(|sensor| expected_count(sequence, sensor)).collect();
+            let jumps = self.clock_jumps_every.map_or(0, |every| sequence / every);
+            let clock = self.next_sample.saturating_sub(self.booted).as_micros() as u64;
             let message = SampleMessage {
-                device_micros: self.next_sample.saturating_sub(self.booted).as_micros() as u64,
+                device_micros: clock.saturating_sub(u64::from(jumps) * 1_000_000),
                 sequence,
-                epoch: self.epoch,
+                epoch: self.claimed_epoch.unwrap_or(self.epoch),
                 counts: &counts,
                 states: &vec![SensorState::Ok; sensors],
             };
