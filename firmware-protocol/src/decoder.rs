@@ -188,7 +188,7 @@ fn unframe(piece: &[u8], output: &mut [u8]) -> Result<usize, Rejection> {
 
 /// Undoes the stuffing; `None` where it is none. The needless empty run that some encoders write behind a last full run
 /// is accepted: the lengths at the frame's ends already settle where it stops.
-fn unstuff(stuffed: &[u8], output: &mut [u8]) -> Option<usize> {
+pub(crate) fn unstuff(stuffed: &[u8], output: &mut [u8]) -> Option<usize> {
     let mut rest = stuffed;
     let mut length = 0;
     while let Some((&code, tail)) = rest.split_first() {

@@ -142,6 +142,7 @@
 
 mod checksum;
 mod decoder;
+mod diagnosis;
 mod fields;
 mod frame;
 pub mod messages;
@@ -149,6 +150,7 @@ mod sample;
 mod topology;
 
 pub use decoder::{Decoder, DecoderCounters, Frame};
+pub use diagnosis::{FrameEnd, FrameFault, diagnose};
 pub use frame::{EncodeError, FrameBuffer, FrameWriter, MAX_FRAME, MAX_PAYLOAD, MIN_FRAME, encode_into, frame_length};
 pub use messages::{
     Acknowledge, DeviceMessage, Encode, Hello, HostMessage, MAX_NAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParseError,
