@@ -219,9 +219,13 @@ fn a_restart_is_survived_and_told() {
     for record in &run.take.records()[restart.unwrap()..] {
         let Record::Pose(packed) = record else { continue };
         let Some(expected) = calm_poses.get(&packed.sequence) else { continue };
+        if packed.sequence < ENGAGING_SAMPLES {
+            continue;
+        }
         assert_eq!(&run.take.unpack(packed), expected, "sample {} after the restart", packed.sequence);
         compared += 1;
     }
+    assert_no_jump(&run.take);
     println!("{compared} poses after the restart are those after the first start");
     assert!(compared > 100);
 }
@@ -266,9 +270,63 @@ fn an_unplugged_arm_leaves_the_other_bones_alone() {
     assert!((98..=102).contains(&out.len()), "{} samples without the arm", out.len());
     for bone in on_the_arm.iter().map(|name| run.take.skeleton().unwrap().find(name).unwrap()) {
         assert!(out.iter().all(|p| p.parent_from_bone[bone] == out[0].parent_from_bone[bone]), "bone {bone} is held");
-        for (sequence, pose) in poses.iter().filter(|(s, _)| part_epochs[*s] == 2) {
+        let back = poses.iter().filter(|(s, _)| part_epochs[*s] == 2);
+        for (sequence, pose) in back.skip(ENGAGING_SAMPLES as usize) {
             assert_eq!(pose.parent_from_bone[bone], calm_poses[sequence].parent_from_bone[bone], "sample {sequence}");
         }
+    }
+}
+
+/// How long a part that is back takes to bring its bone along: 250 ms.
+const ENGAGING_SAMPLES: u32 = (0.25 * RATE) as u32;
+
+fn angle_between(a: &Pose, b: &Pose, bone: usize) -> f32 {
+    let [a, b] = [a, b].map(|pose| pose.parent_from_bone[bone].rotation);
+    2.0 * (a - b).length().min((a + b).length())
+}
+
+/// From one recorded pose to the next no bone turns further than a limb moves in a hundredth of a second.
+fn assert_no_jump(take: &Take) {
+    let recorded: Vec<Pose> = take.poses().map(|packed| take.unpack(packed)).collect();
+    for (index, pair) in recorded.windows(2).enumerate() {
+        for bone in 0..pair[0].parent_from_bone.len() {
+            let turned = angle_between(&pair[0], &pair[1], bone);
+            assert!(turned < 0.2, "bone {bone} jumps by {turned} rad behind pose {index}");
+        }
+    }
+}
+
+/// The arm is bent while it is out, as nobody holds it: when it is back, its bones go over to it without a jump, by the
+/// number of each part and with the zero that it had.
+#[test]
+fn a_subtree_that_comes_back_takes_its_bones_along_without_a_jump() {
+    for pull in ["left_shoulder@1.5:1.3", "left_elbow@1.3:0.9", "left_hip@1.5:1.25", "shoulders@1.2:0.7"] {
+        let calm = human(&options("human", SEED), 500);
+        let run = human(&Options { pull: vec![pull.into()], ..options("human", SEED) }, 500);
+        assert_eq!(run.truth.topology_changes, 2);
+        let (out, held) = (poses(&calm.take), poses(&run.take));
+        let epochs: BTreeMap<u32, u16> = run.take.samples().map(|s| (s.raw.sequence, s.raw.epoch)).collect();
+        let back = *epochs.iter().find(|(_, epoch)| **epoch == 2).unwrap().0;
+        let bones = run.take.skeleton().unwrap().len();
+        let apart =
+            |sequence: u32| (0..bones).map(|b| angle_between(&held[&sequence], &out[&sequence], b)).fold(0.0, f32::max);
+        println!("{pull}: {:.2} rad apart when it comes back", apart(back));
+        assert!(apart(back) > 0.05, "{pull}: the test means something: {}", apart(back));
+        assert!(
+            (0..bones).all(|b| angle_between(&held[&(back - 1)], &held[&back], b) < 0.05),
+            "{pull}: the first step"
+        );
+        assert!(apart(back + ENGAGING_SAMPLES) < 1e-6, "{pull}: it follows exactly after a quarter of a second");
+        assert_no_jump(&run.take);
+        assert_take_tells_all(&run);
+        let zeros = |run: &Run| {
+            run.take
+                .records()
+                .iter()
+                .rev()
+                .find_map(|r| if let Record::Calibration(c) = r { Some(c.clone()) } else { None })
+        };
+        assert_eq!(zeros(&run), zeros(&calm), "{pull}: nothing is zeroed anew");
     }
 }
 

@@ -1,5 +1,6 @@
 //! What the program keeps for a user: calibration, and where takes go.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use armature_rig::{Calibration, Mapping};
@@ -25,7 +26,34 @@ pub fn read_calibration(path: &Path) -> Result<Calibration, Failure> {
         return Ok(Calibration::default());
     }
     let read = armature_formats::read_calibration(&files::read(path)?);
-    read.map_err(|e| e.in_file(&path.display().to_string()).into())
+    read.map_err(|e| {
+        let mut failure = Failure::from(e.in_file(&path.display().to_string()));
+        let backup = backup_of(path);
+        if backup.exists() {
+            let _ = write!(failure.remedy, "; what it was before is in {}", backup.display());
+        }
+        failure
+    })
+}
+
+/// Writes a calibration, so that a failure or a crash at any moment leaves a whole one: the former one is kept beside it
+/// as `.bak`. One that has not changed is not written.
+pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), Failure> {
+    let text = armature_formats::write_calibration(calibration);
+    if path.exists() {
+        let former = files::read(path)?;
+        if former == text.as_bytes() {
+            return Ok(());
+        }
+        files::write(&backup_of(path), &former)?;
+    }
+    files::write(path, text.as_bytes())
+}
+
+fn backup_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(".bak");
+    path.with_file_name(name)
 }
 
 /// Reads a mapping.
@@ -37,4 +65,40 @@ pub fn read_mapping(path: &Path) -> Result<Mapping, Failure> {
 pub fn unix_micros() -> Option<i64> {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).ok()?;
     i64::try_from(since.as_micros()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use armature_rig::{JointAxis, PartUid, SensorCalibration};
+
+    use super::*;
+
+    fn zeroed(counts: u16) -> Calibration {
+        let mut calibration = Calibration::default();
+        let sensor = SensorCalibration { zero_counts: Some(counts), ..SensorCalibration::unzeroed(JointAxis::Bend) };
+        calibration.set_part(PartUid([7; 12]), vec![sensor]);
+        calibration
+    }
+
+    #[test]
+    fn a_calibration_is_never_lost_on_a_failed_write() {
+        let folder = std::env::temp_dir().join(format!("armature-settings-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("calibration.toml");
+        write_calibration(&path, &zeroed(1)).unwrap();
+        write_calibration(&path, &zeroed(2)).unwrap();
+        write_calibration(&path, &zeroed(2)).unwrap();
+        assert_eq!(read_calibration(&path).unwrap(), zeroed(2));
+        assert_eq!(read_calibration(&backup_of(&path)).unwrap(), zeroed(1), "an unchanged one is no new backup");
+        // Somebody's editor died in the middle.
+        std::fs::write(&path, "version = 2\n[[part").unwrap();
+        let failure = read_calibration(&path).unwrap_err();
+        assert!(failure.remedy.contains("calibration.toml.bak"), "{failure}");
+        // The disk takes nothing more: a folder stands where the new file is to be written first.
+        std::fs::write(&path, armature_formats::write_calibration(&zeroed(2))).unwrap();
+        std::fs::create_dir(folder.join(format!("calibration.toml.{}.part", std::process::id()))).unwrap();
+        assert!(write_calibration(&path, &zeroed(3)).is_err());
+        assert_eq!(read_calibration(&path).unwrap(), zeroed(2));
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 }

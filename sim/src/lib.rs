@@ -45,7 +45,7 @@ mod timeline;
 
 pub use body::{Body, BodyBuilder, BodyError, BodyPart};
 pub use faults::{Faults, NoiseBurst, SensorFault, SensorFaultKind, Truth, Unplugging};
-pub use motion::{JointTrack, Motion, TrackEnd};
+pub use motion::{JointTrack, Motion, TrackEnd, sweep_stops};
 #[cfg(feature = "serve")]
 pub use motion_file::{MotionFileError, puppet_from_motion};
 pub use puppet::Puppet;

@@ -21,12 +21,14 @@ pub enum Motion {
     WalkAndWave,
     /// Every sensor in turn, a second each.
     Wiggle,
+    /// Every joint from rest to one stop, to the other and back, as for a calibration.
+    Sweep,
     /// Recorded rotations.
     Track(JointTrack),
 }
 
 impl Motion {
-    /// The motion with this name: `rest`, `walk`, `wave`, `walk+wave`, `wiggle`.
+    /// The motion with this name: `rest`, `walk`, `wave`, `walk+wave`, `wiggle`, `sweep`.
     pub fn by_name(name: &str) -> Option<Self> {
         Some(match name {
             "rest" => Self::Rest,
@@ -34,6 +36,7 @@ impl Motion {
             "wave" => Self::Wave,
             "walk+wave" => Self::WalkAndWave,
             "wiggle" => Self::Wiggle,
+            "sweep" => Self::Sweep,
             _ => return None,
         })
     }
@@ -92,6 +95,7 @@ pub(crate) enum Player {
     Rest,
     Procedure(Procedure, Vec<Role>),
     Wiggle,
+    Sweep,
     /// With the sensor angles at every frame, followed without jumps from the first.
     Track(JointTrack, Vec<[f64; 3]>),
 }
@@ -106,6 +110,7 @@ impl Player {
             Motion::Wave => by_rule(Procedure { walk: false, wave: true }),
             Motion::WalkAndWave => by_rule(Procedure { walk: true, wave: true }),
             Motion::Wiggle => Self::Wiggle,
+            Motion::Sweep => Self::Sweep,
             Motion::Track(mut track) => {
                 track.rotations.iter_mut().for_each(|q| *q = normalized(*q));
                 let columns = track.parts.len();
@@ -141,6 +146,13 @@ impl Player {
                     *angle = 0.5 * libm::sin(std::f64::consts::TAU * (seconds - whole));
                 }
             }
+            Self::Sweep => {
+                let share = sweep_share(seconds);
+                for (sensor, angle) in angles.iter_mut().enumerate() {
+                    let (most, least) = sweep_stops(sensor);
+                    *angle = if share > 0.0 { most * share } else { -least * share };
+                }
+            }
             Self::Track(track, frame_angles) => {
                 if track.frame_count() == 0 {
                     return;
@@ -161,6 +173,27 @@ fn put(body: &Body, part: usize, values: [f64; 3], angles: &mut [f64]) {
     for (slot, value) in body.sensors(part).zip(values) {
         angles[slot] = value;
     }
+}
+
+/// How long a sweep takes from rest to both stops and back to rest, seconds.
+const SWEEP_SECONDS: f64 = 8.0;
+
+/// The stops of a sensor in the motion `sweep`, radians: the one that comes first, and the other.
+pub fn sweep_stops(sensor: usize) -> (f64, f64) {
+    (1.0 + 0.1 * (sensor % 7) as f64, -0.6 - 0.1 * (sensor % 5) as f64)
+}
+
+/// The part of the way to the first stop (1) or the second (-1).
+fn sweep_share(seconds: f64) -> f64 {
+    let at = 4.0 * (seconds / SWEEP_SECONDS - libm::floor(seconds / SWEEP_SECONDS));
+    let triangle = if at < 1.0 {
+        at
+    } else if at < 3.0 {
+        2.0 - at
+    } else {
+        at - 4.0
+    };
+    libm::sin(std::f64::consts::FRAC_PI_2 * triangle)
 }
 
 fn grown(seconds: f64) -> f64 {

@@ -124,7 +124,7 @@ fn every_joint_comes_back_within_a_tenth_of_a_degree() {
         let mut worst = 0.0_f64;
         let mut compared = 0;
         for sample in samples.iter().filter(|sample| sample.device_micros >= 1_000_000) {
-            solver.solve(&sample.counts, &sample.states, &mut pose).unwrap();
+            solver.solve(sample.device_micros, &sample.counts, &sample.states, &mut pose).unwrap();
             // Exact to the fraction that the wire's whole microseconds hide.
             let seconds = (sample.device_micros - 1_000_000) as f64 * 1e-6;
             for bone in 0..motion.skeleton.len() {

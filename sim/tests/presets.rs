@@ -199,7 +199,7 @@ fn tails(motion: Motion, millis: u64, names: &[&str]) -> Vec<Vec3> {
     let mapping = propose(&tree, &skeleton).mapping;
     let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
-    solver.solve(&counts, &vec![SensorState::Ok; counts.len()], &mut pose).unwrap();
+    solver.solve(0, &counts, &vec![SensorState::Ok; counts.len()], &mut pose).unwrap();
     let mut frames = skeleton.rest_model_from_bone();
     pose.forward_kinematics(&skeleton, &mut frames);
     let tail = |name: &&str| {

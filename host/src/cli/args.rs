@@ -155,10 +155,66 @@ pub struct RunArgs {
     /// Take the pose at the beginning as the rest pose even if the joints are calibrated
     #[arg(long)]
     pub zero: bool,
+    /// What is done to the readings of joints that have no filter of their own in the calibration file: none, hold:MS
+    /// or one-euro:HERTZ,BETA (the cutoff at rest, and how it grows with the speed); the lag it adds is told
+    #[arg(long)]
+    pub filter: Option<armature_rig::Filter>,
     /// What a simulated puppet does.
     #[command(flatten)]
     pub simulated: SimulatedArgs,
     /// Run a simulated puppet on a clock of its own, as fast as the machine can and the same every time
+    #[arg(long)]
+    pub virtual_clock: bool,
+}
+
+const CALIBRATE_HELP: &str = "\
+Steps, in the order in which they make sense; each counts down first, and nothing is changed before it is over:
+  zero       the rest pose
+  sweep      range, direction and wrap-around of every sensor that is moved from stop to stop
+  mounting   how each part is turned against what is meant, from a bend and a twist
+  heading    which way the puppet faces
+
+  armature calibrate --device serial:/dev/ttyACM0 --step zero,sweep
+  armature calibrate --device sim:human --step zero,sweep -o sim.toml
+
+The calibration is kept by the parts' own numbers, so it stays true wherever a part is plugged in. The file can be read
+and edited; the former one stays beside it as .bak.";
+
+/// `armature calibrate`
+#[derive(Debug, Args)]
+#[command(after_help = CALIBRATE_HELP)]
+pub struct CalibrateArgs {
+    /// The puppet, as for `armature run`
+    #[arg(short, long, default_value = "sim:human")]
+    pub device: String,
+    /// Which arm of servos: so101-leader, koch-leader, gello, gello-franka
+    #[arg(long, value_name = "ARM")]
+    pub preset: Option<String>,
+    /// What to calibrate: zero, sweep, mounting, heading; several with commas between. Without it, zero
+    #[arg(long, value_delimiter = ',')]
+    pub step: Vec<armature_rig::CalibrationStep>,
+    /// Seconds to get ready before each measurement
+    #[arg(long, default_value_t = 3.0, value_parser = seconds)]
+    pub countdown: f64,
+    /// Seconds for which a pose is held
+    #[arg(long, default_value_t = 0.5, value_parser = positive_seconds)]
+    pub hold: f64,
+    /// Seconds of the sweep
+    #[arg(long, default_value_t = 20.0, value_parser = positive_seconds)]
+    pub sweep_seconds: f64,
+    /// Calibration file to use and update; without it, the one kept for this user
+    #[arg(short, long, value_name = "TOML")]
+    pub output: Option<PathBuf>,
+    /// Which joint drives which bone (TOML); without it the program proposes
+    #[arg(long, value_name = "TOML")]
+    pub mapping: Option<PathBuf>,
+    /// The character whose bones are driven
+    #[arg(short, long)]
+    pub character: Option<String>,
+    /// What a simulated puppet does.
+    #[command(flatten)]
+    pub simulated: SimulatedArgs,
+    /// Calibrate a simulated puppet on a clock of its own, as fast as the machine can
     #[arg(long)]
     pub virtual_clock: bool,
 }
@@ -258,6 +314,10 @@ fn positive_seconds(text: &str) -> Result<f64, String> {
     } else {
         Err("give a number of seconds above 0 and up to a day (86400)".into())
     }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    if text.parse() == Ok(0.0) { Ok(0.0) } else { positive_seconds(text) }
 }
 
 fn sample_rate(text: &str) -> Result<f64, String> {

@@ -8,7 +8,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::cli::args::{
-    BenchArgs, BindArgs, DemoArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs, VolumeArgs, WindowArgs,
+    BenchArgs, BindArgs, CalibrateArgs, DemoArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs, VolumeArgs,
+    WindowArgs,
 };
 use crate::commands;
 use crate::failure::Failure;
@@ -57,6 +58,8 @@ enum Command {
     Volume(VolumeArgs),
     /// Drive a character with a puppet, and record
     Run(Box<RunArgs>),
+    /// Calibrate a puppet step by step: zero, sweep, mounting, heading
+    Calibrate(Box<CalibrateArgs>),
     /// Solve a take again from its raw samples and compare with the poses it holds
     Replay(ReplayArgs),
     /// Write a take as BVH or as an animated GLB
@@ -97,6 +100,7 @@ fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
         Command::Bind(args) => commands::bind(&args, talk),
         Command::Volume(args) => commands::volume(&args, talk),
         Command::Run(args) => commands::run(&args, talk),
+        Command::Calibrate(args) => commands::calibrate(&args, talk),
         Command::Replay(args) => commands::replay(&args, talk),
         Command::Export(args) => commands::export(&args, talk),
         Command::Bench(args) => commands::bench(&args),

@@ -81,8 +81,9 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
             summary.poses
         ),
         format!(
-            "lost: {} samples, {} frames with a wrong checksum, {} bytes of noise; {} restarts",
-            summary.lost_samples, summary.crc_errors, summary.discarded_bytes, summary.restarts
+            "lost: {} samples, {} frames with a wrong checksum, {} pieces that were no frame, {} bytes of noise; {} \
+             restarts",
+            summary.lost_samples, summary.crc_errors, summary.resyncs, summary.discarded_bytes, summary.restarts
         ),
     ];
     words.push(if report.is_whole() {
@@ -101,7 +102,8 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
     let value = json!({
         "kind": "take", "character": header.character_name, "samples": summary.samples, "poses": summary.poses,
         "seconds": summary.duration_seconds, "lost_samples": summary.lost_samples, "crc_errors": summary.crc_errors,
-        "discarded_bytes": summary.discarded_bytes, "restarts": summary.restarts, "whole": report.is_whole(),
+        "discarded_bytes": summary.discarded_bytes, "restarts": summary.restarts,
+        "resyncs": summary.resyncs, "whole": report.is_whole(),
         "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "joints": joints,
     });
     Ok((words, value))

@@ -1,6 +1,7 @@
 //! What each subcommand does, one file each.
 
 mod bind;
+mod calibrate;
 mod demo;
 mod devices;
 mod export;
@@ -15,6 +16,7 @@ mod window;
 
 pub use crate::bench::bench;
 pub use bind::bind;
+pub use calibrate::calibrate;
 pub use demo::demo;
 pub use devices::devices;
 pub use export::export;

@@ -35,10 +35,12 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         None if is_simulated => None,
         None => settings::calibration_file(),
     };
+    let mut calibration = calibration_path.as_deref().map(settings::read_calibration).transpose()?.unwrap_or_default();
+    calibration.filter = args.filter.unwrap_or(calibration.filter);
     let performance = Performance::new(
         actor.clone(),
         args.mapping.as_deref().map(settings::read_mapping).transpose()?,
-        calibration_path.as_deref().map(settings::read_calibration).transpose()?.unwrap_or_default(),
+        calibration,
         if args.zero { ZeroPolicy::AtStart } else { ZeroPolicy::WhenUnknown },
     )?;
     let plan = plan(args, &actor);
@@ -129,7 +131,7 @@ fn keep(
     mapping: Option<&Mapping>,
 ) -> Result<(), Failure> {
     if let Some(path) = calibration_path {
-        files::write(path, armature_formats::write_calibration(calibration).as_bytes())?;
+        settings::write_calibration(path, calibration)?;
     }
     let save: Option<(&PathBuf, &Mapping)> = args.save_mapping.as_ref().zip(mapping);
     save.map_or(Ok(()), |(path, mapping)| files::write(path, armature_formats::write_mapping(mapping).as_bytes()))

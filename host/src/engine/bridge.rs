@@ -98,20 +98,22 @@ fn rig_state(state: device::SensorState) -> rig::SensorState {
     }
 }
 
-/// What a take says of an event of the stream; `None` for what it does not record.
-pub fn take_event(event: &device::Event) -> Option<EventKind> {
-    match *event {
-        device::Event::Lost { count, next_sequence } => Some(EventKind::LostSamples {
-            count: u64::from(count),
-            after_sequence: next_sequence.wrapping_sub(count).wrapping_sub(1),
-        }),
-        device::Event::Noise { checksum_errors, bytes, .. } => {
-            Some(EventKind::Noise { crc_errors: checksum_errors, discarded_bytes: bytes })
+/// What a take says of an event of the stream; nothing of what it does not record.
+pub fn take_events(event: &device::Event) -> impl Iterator<Item = EventKind> {
+    let (first, second) = match *event {
+        device::Event::Lost { count, next_sequence } => {
+            let after_sequence = next_sequence.wrapping_sub(count).wrapping_sub(1);
+            (Some(EventKind::LostSamples { count: u64::from(count), after_sequence }), None)
         }
-        device::Event::Restarted => Some(EventKind::Restart),
-        device::Event::Notice(device::DeviceNotice::LineBack { .. }) => Some(EventKind::Reconnect),
-        _ => None,
-    }
+        device::Event::Noise { checksum_errors, framing_errors, bytes } => (
+            Some(EventKind::Noise { crc_errors: checksum_errors, discarded_bytes: bytes }),
+            (framing_errors > 0).then_some(EventKind::Resync { count: framing_errors }),
+        ),
+        device::Event::Restarted => (Some(EventKind::Restart), None),
+        device::Event::Notice(device::DeviceNotice::LineBack { .. }) => (Some(EventKind::Reconnect), None),
+        _ => (None, None),
+    };
+    first.into_iter().chain(second)
 }
 
 #[cfg(test)]
@@ -173,8 +175,15 @@ mod tests {
 
     #[test]
     fn losses_name_the_last_sample_before_them() {
-        let lost = take_event(&device::Event::Lost { count: 3, next_sequence: 10 });
-        assert_eq!(lost, Some(EventKind::LostSamples { count: 3, after_sequence: 6 }));
-        assert_eq!(take_event(&device::Event::Started), None);
+        let lost: Vec<EventKind> = take_events(&device::Event::Lost { count: 3, next_sequence: 10 }).collect();
+        assert_eq!(lost, [EventKind::LostSamples { count: 3, after_sequence: 6 }]);
+        assert_eq!(take_events(&device::Event::Started).count(), 0);
+    }
+
+    #[test]
+    fn pieces_that_were_no_frame_are_told_apart_from_wrong_checksums() {
+        let noise = device::Event::Noise { checksum_errors: 2, framing_errors: 3, bytes: 90 };
+        let told: Vec<EventKind> = take_events(&noise).collect();
+        assert_eq!(told, [EventKind::Noise { crc_errors: 2, discarded_bytes: 90 }, EventKind::Resync { count: 3 }]);
     }
 }

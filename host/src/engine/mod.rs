@@ -2,6 +2,7 @@
 
 pub mod actor;
 pub mod bridge;
+pub mod calibrating;
 pub mod frames;
 pub mod latency;
 pub mod live;

@@ -1,11 +1,12 @@
 //! A performance from the first hello to the finished take, whatever the puppet and whatever the clock.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::io::BufWriter;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use armature_device::{DeviceInfo, DeviceNotice, DeviceProblem, Event, SessionCounters};
+use armature_rig::Filter;
 use armature_take::Header;
 
 use super::latency::{Latencies, LatencySummary};
@@ -66,6 +67,8 @@ pub struct Summary {
     pub seconds: f64,
     /// Last byte of a sample → posed and skinned; `None` on a virtual clock.
     pub latency: Option<LatencySummary>,
+    /// What the filters of the joints do, if they do anything, in words.
+    pub filter: Option<String>,
     /// What the session counted.
     pub counters: SessionCounters,
     /// The take.
@@ -79,6 +82,9 @@ const PATIENCE_SECONDS: f64 = 12.0;
 /// A line that is lost is waited for so long, session's time.
 const LINE_PATIENCE_SECONDS: f64 = 30.0;
 const STATUS_EVERY_SECONDS: f64 = 0.1;
+/// Speeds at which the lag of a filter is told, radians a second.
+const CALM: f64 = 0.5;
+const QUICK: f64 = 3.0;
 
 struct Show<'a> {
     stage: Stage<BufWriter<std::fs::File>>,
@@ -224,7 +230,9 @@ impl Show<'_> {
         let elapsed = now - began;
         let rate = self.poses as f64 / elapsed.max(1e-9);
         let kind = if self.plan.record.is_some() { "recording" } else { "performing" };
-        let line = format!("{kind} {rate:.0}/s, {} lost", counters.lost_samples);
+        let (least, most) = self.stage.performance().lag_seconds();
+        let lag = if most > 0.0 { format!(", lag {:.0}–{:.0} ms", least * 1e3, most * 1e3) } else { String::new() };
+        let line = format!("{kind} {rate:.0}/s, {} lost{lag}", counters.lost_samples);
         status(&line, self.plan.seconds.map_or(0.0, |seconds| elapsed / seconds));
     }
 
@@ -254,7 +262,9 @@ impl Show<'_> {
         let joints = performance
             .topology()
             .map_or(0, |(_, tree)| tree.parts().iter().filter(|p| !p.kind.axes().is_empty()).count());
+        let period = self.began.map_or(f64::NAN, |began| (now - began) / self.poses.max(1) as f64);
         let summary = Summary {
+            filter: filter_line(&performance, period),
             device: self.device,
             joints_bones_driven: (joints, performance.actor().skeleton.len(), driven),
             poses: self.poses,
@@ -266,6 +276,30 @@ impl Show<'_> {
         };
         Ok((performance, summary))
     }
+}
+
+/// What the filters cost, for a calm and for a quick motion.
+fn filter_line(performance: &Performance, period: f64) -> Option<String> {
+    let calibration = performance.calibration();
+    let own = calibration.set_parts().filter(|(_, settings)| settings.filter.is_some()).count();
+    if calibration.filter == Filter::None && own == 0 {
+        return None;
+    }
+    let lag = |speed: f64| calibration.filter.lag_seconds(speed, period) * 1e3;
+    let mut line = calibration.filter.to_string();
+    if lag(CALM) > 0.0 {
+        let _ = write!(
+            line,
+            ": the character is {:.0} ms behind at {CALM} rad/s and {:.0} ms at {QUICK} rad/s",
+            lag(CALM),
+            lag(QUICK)
+        );
+    }
+    if own > 0 {
+        let _ = write!(line, "; {own} parts have a filter of their own");
+    }
+    let (least, most) = performance.lag_seconds();
+    Some(format!("{line}; at the end {:.0} to {:.0} ms", least * 1e3, most * 1e3))
 }
 
 impl fmt::Display for Summary {
@@ -284,9 +318,17 @@ impl fmt::Display for Summary {
         let counters = &self.counters;
         write!(
             f,
-            "losses     {} samples lost, {} frames with a wrong checksum, {} bytes discarded, {} restarts",
-            counters.lost_samples, counters.checksum_errors, counters.discarded_bytes, counters.restarts
+            "losses     {} samples lost, {} frames with a wrong checksum, {} pieces that were no frame, {} bytes \
+             discarded, {} restarts",
+            counters.lost_samples,
+            counters.checksum_errors,
+            counters.framing_errors,
+            counters.discarded_bytes,
+            counters.restarts
         )?;
+        if let Some(filter) = &self.filter {
+            write!(f, "\nfilter     {filter}")?;
+        }
         if let Some(latency) = &self.latency {
             write!(f, "\nlatency    last byte of a sample → posed and skinned: {latency}")?;
         }

@@ -6,10 +6,10 @@
 use std::sync::Arc;
 
 use armature_rig::{
-    BoneStatus, Calibration, JointTree, Mapping, Pose, RawSample, SensorCalibration, SensorState, SolveError,
+    BoneStatus, Calibration, JointTree, Mapping, PartUid, Pose, RawSample, SensorCalibration, SensorState, SolveError,
     StreamSolver, ZeroReport,
 };
-use glam::Affine3A;
+use glam::{Affine3A, Quat};
 
 use super::actor::Actor;
 use crate::failure::Failure;
@@ -34,6 +34,9 @@ enum ZeroWish {
     NewParts,
     Everything,
 }
+
+/// A part that is plugged in again takes so long to bring its bone to where it is, microseconds of the device's clock.
+pub const ENGAGE_MICROS: u32 = 250_000;
 
 /// After so many samples a sensor that still has no good reading no longer holds up the zeroing of the others.
 const PATIENCE_SAMPLES: u32 = 50;
@@ -82,6 +85,7 @@ impl Performance {
             actor.shape.as_ref().map(|s| (s.positions.clone(), s.normals.clone())).unwrap_or_default();
         let mut solver = StreamSolver::new(actor.skeleton.clone());
         solver.set_calibration(calibration);
+        solver.engage(ENGAGE_MICROS, false);
         Ok(Self {
             actor,
             skin,
@@ -142,6 +146,26 @@ impl Performance {
         self.waited_samples = 0;
     }
 
+    /// Counts mean this from the next sample on.
+    pub fn set_calibration(&mut self, calibration: Calibration) {
+        self.solver.set_calibration(calibration);
+    }
+
+    /// The whole puppet was away: with the next sample the character goes over to it without a jump.
+    pub fn engage_all(&mut self) {
+        self.solver.engage(ENGAGE_MICROS, true);
+    }
+
+    /// By how much the filters delay the quickest and the slowest joint now, seconds.
+    pub fn lag_seconds(&self) -> (f64, f64) {
+        self.solver.solver().map_or((0.0, 0.0), armature_rig::PoseSolver::lag_seconds)
+    }
+
+    /// The part nearest to the puppet's root that drives a bone, and how it turns that bone away from the rest pose.
+    pub fn root_turn(&self) -> Option<(PartUid, Quat)> {
+        self.solver.solver().and_then(armature_rig::PoseSolver::root_turn)
+    }
+
     /// Whether the rest pose is still to be taken.
     pub fn waits_for_zero(&self) -> bool {
         self.zero_wish != ZeroWish::Nothing
@@ -151,6 +175,7 @@ impl Performance {
     pub fn forget_past(&mut self) {
         let mut fresh = StreamSolver::new(self.actor.skeleton.clone());
         fresh.set_calibration(self.solver.calibration().clone());
+        fresh.engage(ENGAGE_MICROS, false);
         if let Some(mapping) = self.solver.mapping() {
             fresh.set_mapping(mapping.clone());
         }
@@ -258,21 +283,27 @@ impl Performance {
     }
 }
 
-/// Whether every part of a tree is plugged in at the same place of a larger one.
+/// Whether every joint of a tree hangs on the same joint in a larger one. Splitters between them do not count: one that
+/// is swapped for another, or plugged together in another order, leaves the joints the bones they had.
 fn is_part_of(tree: &JointTree, whole: &JointTree) -> bool {
-    let uid_above = |tree: &JointTree, parent: Option<usize>| parent.map(|p| tree.parts()[p].uid);
-    tree.parts().iter().all(|part| {
-        let same = whole.find(part.uid).map(|index| &whole.parts()[index]);
-        same.is_some_and(|same| {
-            (same.kind, same.outlet) == (part.kind, part.outlet)
-                && uid_above(whole, same.parent) == uid_above(tree, part.parent)
+    let joint_above = |tree: &JointTree, part: usize| {
+        let mut above = tree.parts()[part].parent;
+        while let Some(index) = above.filter(|&index| tree.parts()[index].kind.axes().is_empty()) {
+            above = tree.parts()[index].parent;
+        }
+        above.map(|index| tree.parts()[index].uid)
+    };
+    let joints = tree.parts().iter().enumerate().filter(|(_, part)| !part.kind.axes().is_empty());
+    joints.into_iter().all(|(index, part)| {
+        whole.find(part.uid).is_some_and(|same| {
+            whole.parts()[same].kind == part.kind && joint_above(whole, same) == joint_above(tree, index)
         })
     })
 }
 
 #[cfg(test)]
 mod tests {
-    use armature_rig::{Bone, Part, PartKind, PartUid, Skeleton, Transform};
+    use armature_rig::{Bone, Part, PartKind, Skeleton, Transform};
     use glam::Vec3;
 
     use super::*;

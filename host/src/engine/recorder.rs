@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use armature_rig::RawSample;
 use armature_take::{Event, EventKind, Header, TakeWriter, Totals, WriteError};
 
-use super::performance::{Performance, Step};
+use super::performance::{ENGAGE_MICROS, Performance, Step};
 use crate::failure::Failure;
 
 /// After so many samples what was written is handed to the operating system, so that a crash of this program loses
@@ -23,6 +23,8 @@ pub struct Recorder<W: Write> {
     lost: u64,
     first_micros: Option<u64>,
     last_micros: u64,
+    /// Whether the take says how parts come back; one in which none does need not.
+    engagement_told: bool,
 }
 
 /// A take on disk.
@@ -75,8 +77,15 @@ impl<W: Write> Recorder<W> {
         let failed = |error| write_failure(name, &error);
         let mut writer = TakeWriter::new(out, header).map_err(failed)?;
         writer.skeleton(&performance.actor().skeleton).map_err(failed)?;
-        let mut recorder =
-            Self { writer, name: name.to_string(), samples: 0, lost: 0, first_micros: None, last_micros: 0 };
+        let mut recorder = Self {
+            writer,
+            name: name.to_string(),
+            samples: 0,
+            lost: 0,
+            first_micros: None,
+            last_micros: 0,
+            engagement_told: false,
+        };
         recorder.topology(performance)?;
         Ok(recorder)
     }
@@ -86,6 +95,9 @@ impl<W: Write> Recorder<W> {
         let Some((epoch, tree)) = performance.topology() else { return Ok(()) };
         if self.samples > 0 {
             self.event(EventKind::TopologyChange { epoch })?;
+            if !self.engagement_told {
+                self.engagement(false)?;
+            }
         }
         self.writer.topology(epoch, tree).map_err(|e| write_failure(&self.name, &e))?;
         self.calibration(performance)?;
@@ -95,7 +107,14 @@ impl<W: Write> Recorder<W> {
         }
     }
 
-    fn calibration(&mut self, performance: &Performance) -> Result<(), Failure> {
+    /// How parts come back from here on. `all`: the whole puppet comes back here.
+    pub fn engagement(&mut self, all: bool) -> Result<(), Failure> {
+        self.engagement_told = true;
+        self.writer.engagement(ENGAGE_MICROS, all).map_err(|e| write_failure(&self.name, &e))
+    }
+
+    /// Counts mean something else from here on.
+    pub fn calibration(&mut self, performance: &Performance) -> Result<(), Failure> {
         self.writer.calibration(performance.calibration()).map_err(|e| write_failure(&self.name, &e))
     }
 

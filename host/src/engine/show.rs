@@ -414,7 +414,7 @@ impl Show {
 
 fn save_calibration(connected: &Connected, stage: &Stage<BufWriter<File>>) -> Result<(), Failure> {
     let Some(path) = &connected.calibration_file else { return Ok(()) };
-    files::write(path, armature_formats::write_calibration(stage.performance().calibration()).as_bytes())
+    settings::write_calibration(path, stage.performance().calibration())
 }
 
 fn problem(failure: &Failure) -> Problem {

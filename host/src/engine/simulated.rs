@@ -13,7 +13,7 @@ const PRESET_MOTION: &str = "walk+wave";
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Simulated puppet (more in `armature sim --help`)")]
 pub struct SimulatedArgs {
-    /// rest, walk, wave, walk+wave, wiggle, or a BVH file; a puppet made from a BVH file plays that file
+    /// rest, walk, wave, walk+wave, wiggle, sweep, or a BVH file; a puppet made from a BVH file plays that file
     #[arg(long)]
     pub motion: Option<String>,
     /// The same seed gives the same bytes
@@ -34,11 +34,26 @@ pub struct SimulatedArgs {
     /// When the puppet loses power and starts anew
     #[arg(long, value_name = "SECONDS")]
     pub restart: Vec<f64>,
+    /// For how long it holds the rest pose after each start
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_REST)]
+    pub rest: f64,
 }
+
+/// Long enough to be zeroed.
+const DEFAULT_REST: f64 = 1.0;
 
 impl Default for SimulatedArgs {
     fn default() -> Self {
-        Self { motion: None, seed: 1, flip: 0.0, drop: 0.0, burst: Vec::new(), pull: Vec::new(), restart: Vec::new() }
+        Self {
+            motion: None,
+            seed: 1,
+            flip: 0.0,
+            drop: 0.0,
+            burst: Vec::new(),
+            pull: Vec::new(),
+            restart: Vec::new(),
+            rest: DEFAULT_REST,
+        }
     }
 }
 
@@ -56,6 +71,7 @@ impl SimulatedArgs {
             burst: self.burst.clone(),
             pull: self.pull.clone(),
             restart: self.restart.clone(),
+            rest: self.rest,
             ..Options::default()
         }
     }
@@ -65,6 +81,7 @@ impl SimulatedArgs {
         let options = self.options(puppet);
         let mut arguments = vec![options.puppet, format!("--seed={}", options.seed)];
         arguments.extend(options.motion.map(|motion| format!("--motion={motion}")));
+        arguments.push(format!("--rest={}", options.rest));
         arguments.extend([format!("--flip={}", options.flip), format!("--drop={}", options.drop)]);
         arguments.extend(options.burst.iter().map(|burst| format!("--burst={burst}")));
         arguments.extend(options.pull.iter().map(|pull| format!("--pull={pull}")));

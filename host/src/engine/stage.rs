@@ -3,16 +3,19 @@
 use std::io::Write;
 
 use armature_device::Event;
-use armature_rig::{JointTree, RawSample, ZeroReport};
+use armature_rig::{
+    CalibrationRun, CalibrationStep, JointTree, Progress, RawSample, Reading, StepError, StepReport, StepTimes,
+    ZeroReport,
+};
 use armature_take::Header;
 
-use super::bridge::{Bridge, take_event};
+use super::bridge::{Bridge, take_events};
 use super::performance::{Performance, Step};
 use super::recorder::{RecordedTake, Recorder};
 use crate::failure::Failure;
 
 /// What an event led to.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// The character has a new pose.
     pub posed: bool,
@@ -20,6 +23,8 @@ pub struct Outcome {
     pub zeroed: Option<ZeroReport>,
     /// The puppet is plugged together differently now.
     pub new_topology: bool,
+    /// A calibration step is over.
+    pub calibrated: Option<Result<StepReport, StepError>>,
 }
 
 /// A performance, fed by a device and recorded.
@@ -29,12 +34,13 @@ pub struct Stage<W: Write> {
     bridge: Option<Bridge>,
     recorder: Option<Recorder<W>>,
     recording_from: f64,
+    calibrating: Option<CalibrationRun>,
 }
 
 impl<W: Write> Stage<W> {
     /// A stage without a puppet.
     pub fn new(performance: Performance) -> Self {
-        Self { performance, bridge: None, recorder: None, recording_from: 0.0 }
+        Self { performance, bridge: None, recorder: None, recording_from: 0.0, calibrating: None }
     }
 
     /// Lets an event take effect.
@@ -58,18 +64,61 @@ impl<W: Write> Stage<W> {
                     let host_seconds = sample.received.as_secs_f64() - self.recording_from;
                     recorder.step(raw, &step, &self.performance, Some(host_seconds))?;
                 }
-                match step {
-                    Step::Ignored => Ok(Outcome::default()),
-                    Step::Posed { zeroed } => Ok(Outcome { posed: true, zeroed, ..Outcome::default() }),
-                }
+                let Step::Posed { zeroed } = step else { return Ok(Outcome::default()) };
+                let calibrated = self.calibrate(sample.received.as_secs_f64())?;
+                Ok(Outcome { posed: true, zeroed, calibrated, ..Outcome::default() })
             }
             event => {
-                if let (Some(recorder), Some(kind)) = (&mut self.recorder, take_event(event)) {
-                    recorder.event(kind)?;
+                let is_back = matches!(event, Event::Restarted);
+                if is_back {
+                    self.performance.engage_all();
+                }
+                if let Some(recorder) = &mut self.recorder {
+                    take_events(event).try_for_each(|kind| recorder.event(kind))?;
+                    if is_back {
+                        recorder.engagement(true)?;
+                    }
                 }
                 Ok(Outcome::default())
             }
         }
+    }
+
+    /// Begins a calibration step, in place of one that is under way. `now`: the session's time, seconds.
+    pub fn begin_calibration(&mut self, step: CalibrationStep, times: StepTimes, now: f64) {
+        self.calibrating = Some(CalibrationRun::begin(step, times, now));
+    }
+
+    /// Gives up the calibration step that is under way; nothing was changed yet.
+    pub fn cancel_calibration(&mut self) {
+        self.calibrating = None;
+    }
+
+    /// Where the calibration step that is under way stands.
+    pub fn calibration_progress(&self, now: f64) -> Option<Progress> {
+        self.calibrating.as_ref().map(|run| run.progress(now))
+    }
+
+    /// Lets the calibration step that is under way see the latest sample, and ends it when its time is over. Without
+    /// samples, somebody has to call this from time to time.
+    pub fn calibrate(&mut self, now: f64) -> Result<Option<Result<StepReport, StepError>>, Failure> {
+        let Some(run) = &mut self.calibrating else { return Ok(None) };
+        if run.progress(now) != Progress::Over {
+            if let Some((sample, bridge)) = self.bridge.as_ref().and_then(|bridge| Some((bridge.latest()?, bridge))) {
+                let root_turn = self.performance.root_turn();
+                run.take(&Reading { now, sample, tree: bridge.tree(), root_turn });
+            }
+            return Ok(None);
+        }
+        let Some(run) = self.calibrating.take() else { return Ok(None) };
+        let finished = run.finish(self.performance.calibration(), self.performance.mapping());
+        if let Ok(report) = &finished {
+            self.performance.set_calibration(report.calibration.clone());
+            if let Some(recorder) = &mut self.recorder {
+                recorder.calibration(&self.performance)?;
+            }
+        }
+        Ok(Some(finished))
     }
 
     /// Whether the puppet is known and zeroed, so that a take can begin.

@@ -32,7 +32,7 @@ pub struct Options {
     /// an arm of bus servos, on a pseudo-terminal only
     #[arg(default_value = "human")]
     pub puppet: String,
-    /// rest, walk, wave, walk+wave, wiggle, or a BVH file of a human figure [default: the puppet's own file, wiggle for joints:N, else walk]
+    /// rest, walk, wave, walk+wave, wiggle, sweep, or a BVH file of a human figure [default: the puppet's own file, wiggle for joints:N, else walk]
     #[arg(long)]
     pub motion: Option<String>,
     /// Begin a file's motion again when it ends, instead of holding its last frame
@@ -130,7 +130,7 @@ pub enum OptionsError {
     #[error(transparent)]
     ServoBus(#[from] ServoBusError),
     /// No such motion.
-    #[error("there is no motion called {0:?}; choose rest, walk, wave, walk+wave, wiggle or a .bvh file")]
+    #[error("there is no motion called {0:?}; choose rest, walk, wave, walk+wave, wiggle, sweep or a .bvh file")]
     UnknownMotion(String),
     /// A text that does not follow its pattern.
     #[error("{text:?} does not follow the pattern {pattern}; times are in seconds")]

@@ -1,8 +1,20 @@
 //! What a raw count means as an angle, for each sensor of each part.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
-use crate::{JointAxis, JointTree, PartUid, RawSample, SensorState};
+use glam::Quat;
+
+use crate::{Filter, JointAxis, JointTree, PartUid, RawSample, SensorState};
+
+/// The counts between a joint's two stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SensorRange {
+    /// The count at the stop from which counts rise to the other one.
+    pub first_counts: u16,
+    /// How many counts on the other stop is, less than a turn; the way there may lead across the count zero.
+    pub span_counts: u32,
+}
 
 /// How one sensor's counts become an angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,33 +25,93 @@ pub struct SensorCalibration {
     pub reversed: bool,
     /// The axis it turns about; the part's own unless somebody mounted the sensor differently.
     pub axis: JointAxis,
+    /// Where its stops are, if a sweep found any.
+    pub range: Option<SensorRange>,
 }
 
 impl SensorCalibration {
     /// A sensor nobody has zeroed.
     pub fn unzeroed(axis: JointAxis) -> Self {
-        Self { zero_counts: None, reversed: false, axis }
+        Self { zero_counts: None, reversed: false, axis, range: None }
     }
 
-    /// The angle in (-π, π] radians, or `None` before zeroing.
+    /// The angle in radians, or `None` before zeroing.
     ///
     /// A magnet is glued in at any angle, so the count of a sensor that was never zeroed says nothing about
     /// the joint; rather than throw the character into a random pose, such a sensor has no angle at all.
     /// Counts beyond a full turn are taken modulo the turn.
+    ///
+    /// The angle is in (-π, π]; where the stops are known, it leaps by a turn in the middle of the gap between them
+    /// in place of at ±π, and so nowhere in the joint's travel.
     pub fn angle(&self, counts: u16, counts_per_turn: u32) -> Option<f64> {
         let zero = i64::from(self.zero_counts?);
         let turn = i64::from(counts_per_turn.max(1));
-        let forward = i64::from(counts) - zero;
-        let turned = (if self.reversed { -forward } else { forward }).rem_euclid(turn);
-        let shortest = if 2 * turned > turn { turned - turn } else { turned };
-        Some(shortest as f64 * std::f64::consts::TAU / turn as f64)
+        let counts = i64::from(counts);
+        let forward = match self.seam(turn) {
+            Some(seam) => (counts - seam).rem_euclid(turn) - (zero - seam).rem_euclid(turn),
+            None => shortest(counts - zero, turn, self.reversed),
+        };
+        let turned = if self.reversed { -forward } else { forward };
+        Some(turned as f64 * TAU / turn as f64)
+    }
+
+    /// The angle of a turn between two counts, as a filter gives it: `turned_counts` is any number of turns more or
+    /// less. As [`angle`](Self::angle) otherwise.
+    pub fn angle_of(&self, turned_counts: f64, counts_per_turn: u32) -> Option<f64> {
+        let zero = f64::from(self.zero_counts?);
+        let whole = i64::from(counts_per_turn.max(1));
+        let turn = whole as f64;
+        let modulo = |value: f64| value - turn * libm::floor(value / turn);
+        let forward = if let Some(seam) = self.seam(whole) {
+            modulo(turned_counts - seam as f64) - modulo(zero - seam as f64)
+        } else {
+            let turned = modulo(turned_counts - zero);
+            if 2.0 * turned > turn { turned - turn } else { turned }
+        };
+        Some(if self.reversed { -forward } else { forward } * TAU / turn)
+    }
+
+    /// The count in the middle of the gap between the stops.
+    fn seam(&self, turn: i64) -> Option<i64> {
+        let range = self.range?;
+        let gap = turn - i64::from(range.span_counts);
+        (gap > 0).then(|| i64::from(range.first_counts) - gap / 2)
+    }
+}
+
+/// The shorter way round; half a turn is the one that gives +π in the joint's own sense.
+fn shortest(counts: i64, turn: i64, reversed: bool) -> i64 {
+    let turned = (if reversed { -counts } else { counts }).rem_euclid(turn);
+    let shortest = if 2 * turned > turn { turned - turn } else { turned };
+    if reversed { -shortest } else { shortest }
+}
+
+/// What is set for a part as a whole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartSettings {
+    /// `nominal_from_mounted`: how the part is turned against the joint frame it is meant to have, as the mounting
+    /// step found it; a unit quaternion. A mapping's own mounting comes on top.
+    pub mounting: Quat,
+    /// How far the bone that the part drives is turned back about the model's vertical, radians, so that it faces
+    /// forward again.
+    pub heading: f64,
+    /// What is done to its readings, where that is not the same as for all.
+    pub filter: Option<Filter>,
+}
+
+impl Default for PartSettings {
+    fn default() -> Self {
+        Self { mounting: Quat::IDENTITY, heading: 0.0, filter: None }
     }
 }
 
 /// Calibration of every part ever seen, by the part's own number: it stays true wherever a part is plugged in.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Calibration {
     parts: BTreeMap<PartUid, Vec<SensorCalibration>>,
+    settings: BTreeMap<PartUid, PartSettings>,
+    /// What is done to the readings of parts that have no filter of their own.
+    pub filter: Filter,
 }
 
 /// A sensor that could not be zeroed because its reading was not good.
@@ -123,7 +195,32 @@ impl Calibration {
 
     /// Forgets a part; `false` if it was not known.
     pub fn remove_part(&mut self, uid: PartUid) -> bool {
+        self.settings.remove(&uid);
         self.parts.remove(&uid).is_some()
+    }
+
+    /// What is set for a part as a whole.
+    pub fn part_settings(&self, uid: PartUid) -> PartSettings {
+        self.settings.get(&uid).copied().unwrap_or_default()
+    }
+
+    /// Sets what is set for a part as a whole.
+    pub fn set_part_settings(&mut self, uid: PartUid, settings: PartSettings) {
+        if settings == PartSettings::default() {
+            self.settings.remove(&uid);
+        } else {
+            self.settings.insert(uid, settings);
+        }
+    }
+
+    /// The parts for which something is set as a whole, in the order of their numbers.
+    pub fn set_parts(&self) -> impl Iterator<Item = (PartUid, PartSettings)> {
+        self.settings.iter().map(|(&uid, &settings)| (uid, settings))
+    }
+
+    /// What is done to a part's readings.
+    pub fn filter_of(&self, uid: PartUid) -> Filter {
+        self.part_settings(uid).filter.unwrap_or(self.filter)
     }
 
     /// One sensor, to change its sign, axis or zero.
@@ -192,7 +289,7 @@ mod tests {
     use crate::{Part, PartKind};
 
     fn sensor(zero: u16, reversed: bool) -> SensorCalibration {
-        SensorCalibration { zero_counts: Some(zero), reversed, axis: JointAxis::Bend }
+        SensorCalibration { zero_counts: Some(zero), reversed, ..SensorCalibration::unzeroed(JointAxis::Bend) }
     }
 
     fn tree() -> JointTree {
@@ -264,6 +361,31 @@ mod tests {
             prop_assert!(forward > -PI && forward <= PI);
             prop_assert!(backward > -PI && backward <= PI);
             prop_assert!(forward == -backward || (forward == PI && backward == PI));
+        }
+
+        /// Any range shorter than a turn, wherever it lies: no leap between the stops, and the same turn all the same.
+        #[test]
+        fn between_the_stops_there_is_no_leap(zero in 0_u32..4096, first in 0_u32..4096, span in 1_u32..4000, reversed: bool) {
+            let range = SensorRange { first_counts: first as u16, span_counts: span };
+            let known = SensorCalibration { range: Some(range), ..sensor(((first + zero % (span + 1)) % 4096) as u16, reversed) };
+            let unknown = SensorCalibration { range: None, ..known };
+            let mut before = None;
+            for on in 0..=span {
+                let counts = ((first + on) % 4096) as u16;
+                let angle = known.angle(counts, 4096).unwrap();
+                if let Some(before) = before {
+                    prop_assert!((f64::abs(angle - before) - TAU / 4096.0).abs() < 1e-12);
+                }
+                before = Some(angle);
+                let turns = (angle - unknown.angle(counts, 4096).unwrap()) / TAU;
+                prop_assert!((turns - turns.round()).abs() < 1e-9);
+                for calibration in [known, unknown] {
+                    let exact = calibration.angle(counts, 4096).unwrap();
+                    let between = calibration.angle_of(f64::from(counts) + 3.0 * 4096.0, 4096).unwrap();
+                    prop_assert!((exact - between).abs() < 1e-9 || (exact.abs() - PI).abs() < 1e-9);
+                }
+            }
+            prop_assert!(known.angle(known.zero_counts.unwrap(), 4096) == Some(0.0));
         }
 
         #[test]

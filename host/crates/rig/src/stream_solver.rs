@@ -20,6 +20,9 @@ pub struct StreamSolver {
     unusable: Option<MappingError>,
     /// Something changed since the last sample.
     stale: bool,
+    engage_micros: u32,
+    /// The whole puppet is back with the next sample.
+    engage_all: bool,
     pose: Pose,
 }
 
@@ -60,6 +63,8 @@ impl StreamSolver {
             solver: None,
             unusable: None,
             stale: true,
+            engage_micros: 0,
+            engage_all: false,
         }
     }
 
@@ -79,6 +84,16 @@ impl StreamSolver {
     pub fn set_mapping(&mut self, mapping: Mapping) {
         self.mapping = Some(mapping);
         self.stale = true;
+    }
+
+    /// From the next sample on, parts that come back move their bones to what they read over so long, microseconds of
+    /// the device's clock (0 at first: at once). `all`: the whole puppet was away and is back with the next sample.
+    pub fn engage(&mut self, micros: u32, all: bool) {
+        self.engage_micros = micros;
+        self.engage_all |= all;
+        if let Some(solver) = &mut self.solver {
+            solver.engage_over(micros);
+        }
     }
 
     /// The skeleton.
@@ -123,6 +138,7 @@ impl StreamSolver {
             let made = PoseSolver::new(tree, &self.calibration, mapping, &self.skeleton);
             self.unusable = match made {
                 Ok(mut solver) => {
+                    solver.engage_over(self.engage_micros);
                     if let Some(previous) = &self.solver {
                         solver.continue_from(previous);
                     }
@@ -136,7 +152,10 @@ impl StreamSolver {
             return Err(error.clone().into());
         }
         let solver = self.solver.as_mut().ok_or(SolveError::NoMapping)?;
-        solver.solve(&sample.counts, &sample.states, &mut self.pose)?;
+        if std::mem::take(&mut self.engage_all) {
+            solver.engage_all();
+        }
+        solver.solve(sample.device_micros, &sample.counts, &sample.states, &mut self.pose)?;
         Ok(&self.pose)
     }
 }

@@ -9,8 +9,9 @@ use std::cell::Cell;
 use std::f32::consts::FRAC_PI_2;
 
 use armature_rig::{
-    BoneQuality, Calibration, JointAxis, JointTree, Mapping, MappingEntry, MappingError, Pose, PoseSolver, RawSample,
-    SampleError, SensorCalibration, SensorState, Skeleton, joint_angles, joint_rotation, propose, skeleton_puppet,
+    BoneQuality, Calibration, JointAxis, JointTree, Mapping, MappingEntry, MappingError, PartSettings, Pose,
+    PoseSolver, RawSample, SampleError, SensorCalibration, SensorState, Skeleton, joint_angles, joint_rotation,
+    propose, skeleton_puppet,
 };
 use common::{BEND, HUMAN, TBT, TWIST, puppet, rich_human, skeleton, uid};
 use glam::{Quat, Vec3};
@@ -64,9 +65,9 @@ fn a_bent_knee_takes_the_shin_backwards() {
     let zero = [100, 16000, 5, 16383];
     let mut solver = PoseSolver::new(&tree, &zeroed(&tree, &zero), &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
-    solver.solve(&zero, &OK, &mut pose).unwrap();
+    solver.solve(0, &zero, &OK, &mut pose).unwrap();
     assert_eq!(pose, skeleton.rest_pose(), "at zero the pose is the rest pose, bit for bit");
-    solver.solve(&[100, 16000, 5, (16383 + QUARTER) % 16384], &OK, &mut pose).unwrap();
+    solver.solve(0, &[100, 16000, 5, (16383 + QUARTER) % 16384], &OK, &mut pose).unwrap();
     let mut frames = skeleton.rest_model_from_bone();
     pose.forward_kinematics(&skeleton, &mut frames);
     let shin = &skeleton.bones()[1];
@@ -82,21 +83,21 @@ fn bad_readings_hold_and_are_told() {
     let mut solver = PoseSolver::new(&tree, &zeroed(&tree, &[0; 4]), &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
     let knee = |state| [SensorState::Ok, SensorState::Ok, SensorState::Ok, state];
-    solver.solve(&[0, 0, 0, 1], &knee(SensorState::NoData), &mut pose).unwrap();
+    solver.solve(0, &[0, 0, 0, 1], &knee(SensorState::NoData), &mut pose).unwrap();
     assert_eq!(pose, skeleton.rest_pose());
     assert_eq!(solver.bone_status()[1].quality, BoneQuality::NoReading);
-    solver.solve(&[0, 0, 0, QUARTER], &knee(SensorState::MagnetWeak), &mut pose).unwrap();
+    solver.solve(0, &[0, 0, 0, QUARTER], &knee(SensorState::MagnetWeak), &mut pose).unwrap();
     let bent = pose.clone();
     assert_eq!(solver.bone_status()[1].quality, BoneQuality::Weak);
     for held in 1..4 {
         let state = if held % 2 == 0 { SensorState::NoData } else { SensorState::Outlier };
-        solver.solve(&[0, 0, 0, 9000], &knee(state), &mut pose).unwrap();
+        solver.solve(0, &[0, 0, 0, 9000], &knee(state), &mut pose).unwrap();
         assert_eq!(pose, bent);
         let status = solver.bone_status()[1];
         assert_eq!((status.quality, status.held_samples), (BoneQuality::Held, held));
     }
     assert_eq!(solver.bone_status()[0].quality, BoneQuality::Live);
-    solver.solve(&[0; 4], &OK, &mut pose).unwrap();
+    solver.solve(0, &[0; 4], &OK, &mut pose).unwrap();
     assert_eq!(pose, skeleton.rest_pose());
     assert_eq!(solver.bone_status()[1].held_samples, 0);
 }
@@ -106,7 +107,7 @@ fn what_was_never_zeroed_stays_at_rest() {
     let (tree, skeleton, mapping) = leg();
     let mut solver = PoseSolver::new(&tree, &Calibration::default(), &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
-    solver.solve(&[1000, 2000, 3000, 4000], &OK, &mut pose).unwrap();
+    solver.solve(0, &[1000, 2000, 3000, 4000], &OK, &mut pose).unwrap();
     assert_eq!(pose, skeleton.rest_pose());
     assert!(solver.bone_status().iter().all(|s| s.quality == BoneQuality::Unzeroed));
 }
@@ -117,20 +118,123 @@ fn an_unplugged_part_keeps_its_bone_where_it_was() {
     let calibration = zeroed(&tree, &[0; 4]);
     let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
-    solver.solve(&[0, 0, 0, QUARTER], &OK, &mut pose).unwrap();
+    solver.solve(0, &[0, 0, 0, QUARTER], &OK, &mut pose).unwrap();
     let bent = pose.clone();
     let without_knee = JointTree::new(tree.parts()[..1].to_vec()).unwrap();
     let mut next = PoseSolver::new(&without_knee, &calibration, &mapping, &skeleton).unwrap();
     next.continue_from(&solver);
-    next.solve(&[0; 3], &OK[..3], &mut pose).unwrap();
+    next.solve(0, &[0; 3], &OK[..3], &mut pose).unwrap();
     assert_eq!(pose, bent);
     assert_eq!(next.bone_status()[1].quality, BoneQuality::Absent);
     let mut again = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
     again.continue_from(&next);
     let mut states = OK;
     states[3] = SensorState::NoData;
-    again.solve(&[0; 4], &states, &mut pose).unwrap();
+    again.solve(0, &[0; 4], &states, &mut pose).unwrap();
     assert_eq!(again.bone_status()[1].quality, BoneQuality::NoReading);
+}
+
+/// Counts of the knee at so many milliseconds; all else at rest.
+fn knee_at(solver: &mut PoseSolver, millis: u64, counts: u16, state: SensorState) -> f32 {
+    let mut pose = Pose::default();
+    let states = [SensorState::Ok, SensorState::Ok, SensorState::Ok, state];
+    solver.solve(millis * 1_000, &[0, 0, 0, counts], &states, &mut pose).unwrap();
+    2.0 * pose.parent_from_bone[1].rotation.w.abs().min(1.0).acos()
+}
+
+#[test]
+fn a_part_that_comes_back_takes_its_bone_along_over_a_moment() {
+    let (tree, skeleton, mapping) = leg();
+    let calibration = zeroed(&tree, &[0; 4]);
+    let make = |tree: &JointTree| PoseSolver::new(tree, &calibration, &mapping, &skeleton).unwrap();
+    let mut solver = make(&tree);
+    solver.engage_over(250_000);
+    assert!(knee_at(&mut solver, 0, 0, SensorState::Ok) < 1e-3);
+    let mut out = make(&JointTree::new(tree.parts()[..1].to_vec()).unwrap());
+    out.continue_from(&solver);
+    let mut back = make(&tree);
+    back.continue_from(&out);
+    // It has no reading at first, and a solver that is made anew in between (somebody zeroes) changes nothing.
+    assert!(knee_at(&mut back, 1_000, QUARTER, SensorState::NoData) < 1e-3);
+    assert!(knee_at(&mut back, 1_010, QUARTER, SensorState::Ok) < 1e-3);
+    let half = knee_at(&mut back, 1_135, QUARTER, SensorState::Ok);
+    assert!((half - FRAC_PI_2 / 2.0).abs() < 0.02, "{half}");
+    let mut again = make(&tree);
+    again.continue_from(&back);
+    let later = knee_at(&mut again, 1_140, QUARTER, SensorState::Ok);
+    assert!(later > half && later < half + 0.1, "{later}");
+    assert!((knee_at(&mut again, 1_261, QUARTER, SensorState::Ok) - FRAC_PI_2).abs() < 1e-3);
+    again.engage_all();
+    let (before, first) = (FRAC_PI_2, knee_at(&mut again, 9, 0, SensorState::Ok));
+    assert!((before - first).abs() < 1e-3, "the whole puppet was away and its clock began anew");
+    assert!(knee_at(&mut again, 260, 0, SensorState::Ok) < 1e-3);
+}
+
+#[test]
+fn a_joint_that_is_silent_for_too_long_is_stale_and_comes_back_over_a_moment() {
+    let (tree, skeleton, mapping) = leg();
+    let mut calibration = zeroed(&tree, &[0; 4]);
+    calibration.filter = "hold:100".parse().unwrap();
+    let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
+    solver.engage_over(250_000);
+    let quality = |solver: &PoseSolver| solver.bone_status()[1].quality;
+    knee_at(&mut solver, 0, 0, SensorState::Ok);
+    knee_at(&mut solver, 90, QUARTER, SensorState::Outlier);
+    assert_eq!(quality(&solver), BoneQuality::Held);
+    assert!((knee_at(&mut solver, 95, QUARTER, SensorState::Ok) - FRAC_PI_2).abs() < 1e-3, "a short gap costs nothing");
+    knee_at(&mut solver, 200, 0, SensorState::NoData);
+    assert_eq!(quality(&solver), BoneQuality::Stale);
+    assert!((knee_at(&mut solver, 210, 0, SensorState::Ok) - FRAC_PI_2).abs() < 1e-3, "no jump");
+    assert_eq!(quality(&solver), BoneQuality::Live);
+    let half = knee_at(&mut solver, 335, 0, SensorState::Ok);
+    assert!((half - FRAC_PI_2 / 2.0).abs() < 0.02, "{half}");
+    assert!(knee_at(&mut solver, 461, 0, SensorState::Ok) < 1e-3);
+    assert_eq!(solver.lag_seconds(), (0.0, 0.0));
+}
+
+#[test]
+fn a_filter_of_one_joint_calms_that_joint_alone_and_tells_its_lag() {
+    let (tree, skeleton, mapping) = leg();
+    let mut calibration = zeroed(&tree, &[0; 4]);
+    let filter = "one-euro:1,0".parse().unwrap();
+    calibration.set_part_settings(uid(1), PartSettings { filter: Some(filter), ..PartSettings::default() });
+    let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
+    let mut pose = Pose::default();
+    for step in 0..400_u64 {
+        // Both turn across the wrap at a radian a second.
+        let counts = ((16384 - 400 + step * 16384 / 1257) % 16384) as u16;
+        solver.solve(step * 5_000, &[counts, 0, 0, counts], &OK, &mut pose).unwrap();
+    }
+    let turn = |counts: f32| counts * std::f32::consts::TAU / 16384.0;
+    let reading = turn(399.0 * 16384.0 / 1257.0 - 400.0);
+    let angle = |bone: usize| 2.0 * pose.parent_from_bone[bone].rotation.w.abs().min(1.0).acos();
+    assert!((angle(0) - reading).abs() < 2e-3, "{} {reading}", angle(0));
+    let (least, most) = solver.lag_seconds();
+    assert!(least == 0.0 && (most - 1.0 / std::f64::consts::TAU).abs() < 1e-6, "{least} {most}");
+    assert!((reading - angle(1) - most as f32).abs() < 5e-3, "{} behind {reading}", angle(1));
+}
+
+#[test]
+fn mounting_and_heading_of_a_part_count_wherever_it_is_plugged_in() {
+    let (tree, skeleton, mapping) = leg();
+    let mut calibration = zeroed(&tree, &[0; 4]);
+    let mounting = Quat::from_rotation_y(FRAC_PI_2);
+    let heading = 0.6;
+    calibration.set_part_settings(uid(0), PartSettings { heading, ..PartSettings::default() });
+    calibration.set_part_settings(uid(1), PartSettings { mounting, ..PartSettings::default() });
+    let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
+    let mut pose = Pose::default();
+    solver.solve(0, &[0, 0, 0, QUARTER], &OK, &mut pose).unwrap();
+    let f = skeleton.bone_from_joint(1, &skeleton.rest_model_from_bone()) * mounting;
+    let expected = f * Quat::from_rotation_x(FRAC_PI_2) * f.inverse();
+    assert!(pose.parent_from_bone[1].rotation.dot(expected).abs() > 1.0 - 1e-6);
+    let back = Quat::from_rotation_y(-heading as f32);
+    assert!(pose.parent_from_bone[0].rotation.dot(back).abs() > 1.0 - 1e-6, "turned back about the vertical");
+    let (part, turn) = solver.root_turn().unwrap();
+    assert!(part == uid(0) && turn.dot(Quat::IDENTITY).abs() > 1.0 - 1e-6, "the turn is told without the heading");
+    calibration.set_part_settings(uid(1), PartSettings { mounting: mounting * 2.0, ..PartSettings::default() });
+    let crooked = PoseSolver::new(&tree, &calibration, &mapping, &skeleton);
+    assert!(matches!(crooked, Err(MappingError::BadMounting { .. })));
 }
 
 #[test]
@@ -149,7 +253,7 @@ fn two_parts_on_one_bone_compose_from_the_root_outwards() {
     assert!(calibration.flip(uid(1), 0));
     let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
-    solver.solve(&[1000, 2000], &OK[..2], &mut pose).unwrap();
+    solver.solve(0, &[1000, 2000], &OK[..2], &mut pose).unwrap();
     let turn = std::f64::consts::TAU / 16384.0;
     let f = skeleton.bone_from_joint(0, &skeleton.rest_model_from_bone());
     let bend = joint_rotation(&[JointAxis::Bend], &[1000.0 * turn]);
@@ -168,7 +272,7 @@ fn an_axis_mounted_differently_is_used() {
     calibration.sensor_mut(uid(1), 0).unwrap().axis = JointAxis::Twist;
     let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
-    solver.solve(&[0, 0, 0, QUARTER], &OK, &mut pose).unwrap();
+    solver.solve(0, &[0, 0, 0, QUARTER], &OK, &mut pose).unwrap();
     let along = pose.parent_from_bone[1].rotation * skeleton.bones()[1].tail;
     assert!(along.distance(skeleton.bones()[1].tail) < 1e-6, "a twist leaves the bone's direction");
     assert!(pose.parent_from_bone[1].rotation.angle_between(Quat::IDENTITY) - FRAC_PI_2 < 1e-3);
@@ -209,9 +313,9 @@ fn solving_allocates_nothing() {
     let mut pose = skeleton.rest_pose();
     let before = ALLOCATIONS.with(Cell::get);
     for _ in 0..100 {
-        solver.solve(&counts, &states, &mut pose).unwrap();
+        solver.solve(0, &counts, &states, &mut pose).unwrap();
     }
-    let wrong = solver.solve(&counts[1..], &states, &mut pose);
+    let wrong = solver.solve(0, &counts[1..], &states, &mut pose);
     assert_eq!(ALLOCATIONS.with(Cell::get), before);
     assert!(matches!(wrong, Err(SampleError::Length { .. })));
 }
@@ -241,7 +345,7 @@ proptest! {
             }
         }
         let mut pose = Pose::default();
-        solver.solve(&counts, &vec![SensorState::Ok; counts.len()], &mut pose).unwrap();
+        solver.solve(0, &counts, &vec![SensorState::Ok; counts.len()], &mut pose).unwrap();
         for (got, wanted) in pose.parent_from_bone.iter().zip(&wanted.parent_from_bone) {
             let d = got.rotation.as_dquat().inverse() * wanted.rotation.as_dquat();
             let apart = 2.0 * libm::atan2(libm::hypot(libm::hypot(d.x, d.y), d.z), d.w.abs()).to_degrees();

@@ -86,6 +86,12 @@ pub enum PayloadError {
         /// Parts possible.
         limit: usize,
     },
+    /// Joint settings do not stand behind a calibration.
+    #[error("it belongs behind a calibration and stands alone")]
+    Alone,
+    /// Joint settings of a sensor that the calibration before them has not.
+    #[error("it speaks of a sensor that the calibration before it has not")]
+    NoSuchSensor,
     /// The bones are no skeleton.
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),

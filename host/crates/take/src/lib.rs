@@ -53,8 +53,11 @@
 //! | 5 mapping, from here on, replaces the former one | `u16` entries, at most 4,096 · for each: 12 bytes part number · `text` bone · 4 `f32` mounting (x, y, z, w) |
 //! | 6 sample | `u32` sequence · `u64` device time, microseconds · `u16` epoch of the topology that numbers the sensors · `u8` flags: 1 host time follows, 2 states follow · `u16` sensors · if flagged: `f64` host time of receipt, seconds · for each sensor: `u16` count · if flagged: states, 2 bits a sensor, the first in the lowest bits, ⌈sensors / 4⌉ bytes: 0 ok, 1 no data, 2 magnet weak, 3 outlier (without the flag all are ok) |
 //! | 7 pose | `u32` sequence and `u64` device time of its sample · `u16` bones, as many as the skeleton has · for each bone `u8` flags: 1 translation, 2 rotation, 4 scale follows · then, bone after bone, what the flags say: 3 `f32` translation, 4 `f32` rotation, 3 `f32` scale. What is not there has the bits of the rest transform |
-//! | 8 event | `u8` flags: 1 device time given, 2 host time given · `u64` device time, microseconds · `f64` host time, seconds · `u16` what: 1 lost samples (`u64` count, `u32` sequence before them), 2 noise (`u64` frames with a wrong checksum, `u64` bytes passed over), 3 the device started anew, 4 the line came back, 5 topology changes (`u16` epoch), 6 marker (`text`) |
+//! | 8 event | `u8` flags: 1 device time given, 2 host time given · `u64` device time, microseconds · `f64` host time, seconds · `u16` what: 1 lost samples (`u64` count, `u32` sequence before them), 2 noise (`u64` frames with a wrong checksum, `u64` bytes passed over), 3 the device started anew, 4 the line came back, 5 topology changes (`u16` epoch), 6 marker (`text`), 7 the stream lost its beat (`u64` pieces that were no frame at all, before it was found again) |
 //! | 9 end, last | `u64` each: records before this one, samples, poses, events, bytes before this record |
+//!
+//! | 10 joint settings, right behind a calibration, where something of this is set | a filter for all · `u16` parts · for each: 12 bytes number · `u8` flags: 1 mounting, 2 heading, 4 filter · 4 `f32` mounting (x, y, z, w) · `f64` heading, radians · a filter · `u16` ranges · for each: 12 bytes number · `u8` sensor · `u16` count at the first stop · `u32` counts to the other one. A filter: `u8` kind: 0 none, 1 One Euro (cutoff, beta, speed cutoff), 2 hold (seconds) · 3 `f64` |
+//! | 11 engagement, from here on | `u32` microseconds over which a part that comes back takes its bone along · `u8` 1: the whole puppet comes back here |
 //!
 //! Fields whose flag is not set hold zero. Equal content gives equal bytes.
 //!
@@ -68,6 +71,8 @@
 //! # Compatibility
 //!
 //! - A reader refuses another major version, and says so.
+//! - Types 10 and 11 and event 7 came after the first takes of version 1.0 and only stand in takes that need them;
+//!   programs from before pass over them and say so.
 //! - A higher minor version may bring new record types, which older readers pass over by their length and report,
 //!   and may append fields to payloads, which older readers ignore. Event codes may be added in the same
 //!   way; a reader leaves an event it does not know out and reports it. Nothing else changes.

@@ -267,6 +267,10 @@ pub(crate) fn put_event(out: &mut Vec<u8>, event: &Event) -> Result<(), WriteErr
             out.put_u16(6);
             put_text(out, "the marker", text)?;
         }
+        EventKind::Resync { count } => {
+            out.put_u16(7);
+            out.put_u64(*count);
+        }
     }
     Ok(())
 }
@@ -285,6 +289,7 @@ pub(crate) fn read_event(fields: &mut Fields<'_>) -> Result<Event, PayloadError>
         4 => EventKind::Reconnect,
         5 => EventKind::TopologyChange { epoch: fields.u16("epoch")? },
         6 => EventKind::Marker { text: fields.text("marker")? },
+        7 => EventKind::Resync { count: fields.u64("count")? },
         code => return Err(PayloadError::UnknownCode { field: "event code", value: code.into() }),
     };
     Ok(Event {

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use armature_rig::{Pose, Skeleton};
+use armature_rig::{Calibration, Pose, Skeleton};
 
 use crate::bytes::Fields;
 use crate::frame::{self, Damage, Found, PREAMBLE_BYTES, RECORD_OVERHEAD_BYTES, RawRecord, Scanner};
@@ -130,6 +130,12 @@ impl Take {
                 self.records.push(record);
                 report.read.count(Some(kind), bytes);
             }
+            Ok(Read::Calibration(calibration)) => {
+                if let Some(last) = self.records.last_mut() {
+                    *last = Record::Calibration(calibration);
+                }
+                report.read.count(Some(kind), bytes);
+            }
             Ok(Read::End(totals)) => self.end = Some(totals),
             Err(reason) => report.problems.push(Problem::Unusable { offset: offset as u64, kind, reason }),
         }
@@ -146,6 +152,15 @@ impl Take {
             RecordKind::Sample => Record::Sample(payload::read_sample(fields)?),
             RecordKind::Pose => Record::Pose(payload::read_pose(fields, self.skeleton())?),
             RecordKind::Event => Record::Event(payload::read_event(fields)?),
+            RecordKind::JointSettings => {
+                let Some(Record::Calibration(before)) = self.records.last() else { return Err(PayloadError::Alone) };
+                let mut calibration = before.clone();
+                payload_rig::read_joint_settings(fields, &mut calibration)?;
+                return Ok(Read::Calibration(calibration));
+            }
+            RecordKind::Engagement => {
+                Record::Engagement { micros: fields.u32("time")?, all: fields.u8("whole puppet")? != 0 }
+            }
             RecordKind::End => return payload::read_totals(fields).map(Read::End),
         }))
     }
@@ -153,6 +168,8 @@ impl Take {
 
 enum Read {
     Record(Record),
+    /// What the last record becomes.
+    Calibration(Calibration),
     End(Totals),
 }
 

@@ -28,6 +28,10 @@ pub enum RecordKind {
     Event = 8,
     /// [`Totals`].
     End = 9,
+    /// What a calibration says beyond zeros; part of a [`Record::Calibration`].
+    JointSettings = 10,
+    /// [`Record::Engagement`].
+    Engagement = 11,
 }
 
 impl RecordKind {
@@ -43,6 +47,8 @@ impl RecordKind {
             7 => Self::Pose,
             8 => Self::Event,
             9 => Self::End,
+            10 => Self::JointSettings,
+            11 => Self::Engagement,
             _ => return None,
         })
     }
@@ -55,9 +61,9 @@ impl RecordKind {
     /// A generous bound on payloads, used only to pass over false starts when searching after damage.
     pub(crate) fn plausible_payload_bytes(self) -> usize {
         match self {
-            Self::Skeleton | Self::Calibration | Self::Mapping => crate::MAX_PAYLOAD_BYTES,
+            Self::Skeleton | Self::Calibration | Self::Mapping | Self::JointSettings => crate::MAX_PAYLOAD_BYTES,
             Self::Pose => 4 << 20,
-            Self::Header | Self::Topology | Self::Sample | Self::Event | Self::End => 1 << 20,
+            Self::Header | Self::Topology | Self::Sample | Self::Event | Self::End | Self::Engagement => 1 << 20,
         }
     }
 }
@@ -74,6 +80,8 @@ impl fmt::Display for RecordKind {
             Self::Pose => "pose",
             Self::Event => "event",
             Self::End => "end",
+            Self::JointSettings => "joint settings",
+            Self::Engagement => "engagement",
         })
     }
 }
@@ -157,6 +165,11 @@ pub enum EventKind {
         /// The note.
         text: String,
     },
+    /// Pieces of the stream were no frame at all, until it was found again behind them.
+    Resync {
+        /// How many pieces.
+        count: u64,
+    },
 }
 
 /// What a cleanly finished take says about itself at its end.
@@ -201,6 +214,13 @@ pub enum Record {
     Pose(PackedPose),
     /// One event.
     Event(Event),
+    /// How parts that come back take their bones along, from here on.
+    Engagement {
+        /// Over how long, microseconds of the device's clock.
+        micros: u32,
+        /// The whole puppet comes back here.
+        all: bool,
+    },
 }
 
 impl Record {
@@ -214,6 +234,7 @@ impl Record {
             Self::Sample(_) => RecordKind::Sample,
             Self::Pose(_) => RecordKind::Pose,
             Self::Event(_) => RecordKind::Event,
+            Self::Engagement { .. } => RecordKind::Engagement,
         }
     }
 }

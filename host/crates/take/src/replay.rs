@@ -64,6 +64,7 @@ pub fn replay(
             Record::Topology(topology) => solver.set_topology(topology.epoch, topology.tree.clone()),
             Record::Calibration(calibration) => solver.set_calibration(calibration.clone()),
             Record::Mapping(mapping) => solver.set_mapping(mapping.clone()),
+            Record::Engagement { micros, all } => solver.engage(*micros, *all),
             Record::Skeleton(_) | Record::Sample(_) | Record::Pose(_) | Record::Event(_) => {}
         }
         let replayed = match record {

@@ -19,6 +19,8 @@ pub struct Summary {
     pub lost_samples: u64,
     /// Frames with a wrong checksum, as the events tell.
     pub crc_errors: u64,
+    /// Pieces of the stream that were no frame at all.
+    pub resyncs: u64,
     /// Bytes that were no frame, as the events tell.
     pub discarded_bytes: u64,
     /// Starts of the device in mid-take, announced or seen from its clock.
@@ -52,12 +54,17 @@ pub fn summarize(take: &Take) -> Summary {
                 }
                 EventKind::Restart => clock.announce_restart(),
                 EventKind::Reconnect => summary.reconnects += 1,
+                EventKind::Resync { count } => summary.resyncs = summary.resyncs.saturating_add(*count),
                 EventKind::Marker { text } => {
                     summary.markers.push((last.max(0) as f64 * 1e-6, text.clone()));
                 }
                 EventKind::TopologyChange { .. } => {}
             },
-            Record::Skeleton(_) | Record::Topology(_) | Record::Calibration(_) | Record::Mapping(_) => {}
+            Record::Skeleton(_)
+            | Record::Topology(_)
+            | Record::Calibration(_)
+            | Record::Mapping(_)
+            | Record::Engagement { .. } => {}
         }
     }
     summary.duration_seconds = if summary.samples > 0 { last.saturating_sub(first) as f64 * 1e-6 } else { 0.0 };

@@ -49,7 +49,11 @@ impl<W: io::Write> TakeWriter<W> {
 
     /// What counts mean, from here on; replaces the former calibration as a whole.
     pub fn calibration(&mut self, calibration: &Calibration) -> Result<(), WriteError> {
-        self.write(RecordKind::Calibration, |payload| payload_rig::put_calibration(payload, calibration))
+        self.write(RecordKind::Calibration, |payload| payload_rig::put_calibration(payload, calibration))?;
+        if !payload_rig::has_joint_settings(calibration) {
+            return Ok(());
+        }
+        self.write(RecordKind::JointSettings, |payload| payload_rig::put_joint_settings(payload, calibration))
     }
 
     /// Which part drives which bone, from here on; replaces the former mapping as a whole.
@@ -84,6 +88,16 @@ impl<W: io::Write> TakeWriter<W> {
         self.write(RecordKind::Event, |payload| payload::put_event(payload, event))
     }
 
+    /// How parts that come back take their bones along from here on: over so long, microseconds of the device's clock.
+    /// `all`: the whole puppet comes back here.
+    pub fn engagement(&mut self, micros: u32, all: bool) -> Result<(), WriteError> {
+        self.write(RecordKind::Engagement, |payload| {
+            payload.put_u32(micros);
+            payload.put_u8(all.into());
+            Ok(())
+        })
+    }
+
     /// Any record, as a read take holds it.
     pub fn record(&mut self, record: &Record) -> Result<(), WriteError> {
         match record {
@@ -94,6 +108,7 @@ impl<W: io::Write> TakeWriter<W> {
             Record::Sample(sample) => self.sample(&sample.raw, sample.host_receive_seconds),
             Record::Pose(pose) => self.packed_pose(pose),
             Record::Event(event) => self.event(event),
+            Record::Engagement { micros, all } => self.engagement(*micros, *all),
         }
     }
 

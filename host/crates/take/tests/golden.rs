@@ -64,7 +64,7 @@ fn tree() -> JointTree {
 
 fn calibration() -> Calibration {
     let mut calibration = Calibration::for_tree(&tree());
-    let sensor = |zero_counts, reversed, axis| SensorCalibration { zero_counts, reversed, axis };
+    let sensor = |zero_counts, reversed, axis| SensorCalibration { zero_counts, reversed, axis, range: None };
     let uid = tree().parts()[1].uid;
     calibration.set_part(
         uid,
