@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armature::engine::actor::Actor;
+use armature::engine::completion::{IkArgs, IkMode};
 use armature::engine::perform::{self, Next, Plan, Source, Summary};
 use armature::engine::performance::{Performance, ZeroPolicy};
 use armature::engine::virtual_clock::VirtualPuppet;
@@ -96,12 +97,19 @@ pub struct Setup {
     pub seconds: f64,
     /// What the take says of itself.
     pub header: Header,
+    /// What becomes of bones without a joint.
+    pub ik: IkArgs,
 }
 
 impl Setup {
-    /// So many whole samples.
+    /// So many whole samples; bones without a joint stay at rest.
     pub fn samples(count: u32, rate: f64) -> Self {
-        Self { rate, seconds: (f64::from(count) + 0.5) / rate, header: Header::default() }
+        Self {
+            rate,
+            seconds: (f64::from(count) + 0.5) / rate,
+            header: Header::default(),
+            ik: IkArgs { ik: IkMode::Off, pin: Vec::new() },
+        }
     }
 }
 
@@ -117,7 +125,8 @@ pub fn perform_from<S: Source>(source: S, truth: fn(&S) -> Truth, actor: &Arc<Ac
     let heard = Rc::new(RefCell::new((Vec::new(), Truth::default())));
     let source = Overheard { source, truth, heard: heard.clone() };
     let plan = Plan { seconds: Some(setup.seconds), record: Some(path.clone()), header: setup.header.clone() };
-    let performance = Performance::new(actor.clone(), None, Calibration::default(), ZeroPolicy::AtStart);
+    let performance = Performance::new(actor.clone(), None, Calibration::default(), ZeroPolicy::AtStart)
+        .and_then(|performance| performance.with_inverse_kinematics(&setup.ik));
     let performed = perform::perform(source, performance.expect("the character can be skinned"), &plan, &mut |_, _| ());
     let (_, summary) = performed.unwrap_or_else(|failure| panic!("{failure}"));
     let bytes = std::fs::read(&path).expect("the take is there");

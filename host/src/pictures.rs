@@ -11,9 +11,27 @@ use crate::engine::actor::{Actor, Shape};
 use crate::failure::Failure;
 use crate::files;
 
-const SIZE: [u32; 2] = [1280, 960];
-/// The fit leaves room to turn a character round; a picture does not need it.
-const CLOSER: f32 = 0.8;
+/// From where a character is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Radians about +Y; 0 looks into the character's face, a quarter turn onto its left side.
+    pub yaw: f32,
+    /// Radians above the horizon.
+    pub pitch: f32,
+    /// Part of the distance that has room to turn the character round.
+    pub closer: f32,
+    /// Height of the floor (mesh units); `None`: under the character.
+    pub floor: Option<f32>,
+}
+
+impl Default for View {
+    fn default() -> Self {
+        // The fit leaves room to turn a character round; a picture does not need it.
+        Self { size: [1280, 960], yaw: 0.55, pitch: 0.13, closer: 0.8, floor: None }
+    }
+}
 
 /// How the picture came about.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,7 +63,7 @@ pub fn write_picture(
         return Err(Failure::usage(what, "choose a character with a mesh, such as human"));
     };
     let failed = |error: RenderError| Failure::not_converged(format!("{}: {error}", path.display()), "");
-    let (picture, by) = draw(shape, positions, normals).map_err(failed)?;
+    let (picture, by) = draw(shape, positions, normals, &View::default()).map_err(failed)?;
     files::write(path, &armature_render::encode_png(&picture).map_err(failed)?)?;
     Ok(by)
 }
@@ -64,10 +82,12 @@ pub fn skin_once(actor: &Actor, pose: &Pose) -> Result<Skinned, Failure> {
     Ok((positions, normals))
 }
 
-fn draw(
+/// Draws a mesh with these positions and normals.
+pub fn draw(
     shape: &Shape,
     positions: &[[f32; 3]],
     normals: &[[f32; 3]],
+    view: &View,
 ) -> Result<(armature_render::Picture, DrawnBy), RenderError> {
     let bounds = Bounds::of(positions).unwrap_or(Bounds { min: glam::Vec3::ZERO, max: glam::Vec3::ONE });
     let texture = shape.texture.as_ref();
@@ -82,20 +102,20 @@ fn draw(
             highlight: None,
             revision: 0,
         },
-        ground: Ground::under(&bounds),
+        ground: Ground { height: view.floor.unwrap_or(bounds.min.y), ..Ground::under(&bounds) },
         ..Scene::default()
     };
-    let mut camera = Camera::fit(&bounds, SIZE[0] as f32 / SIZE[1] as f32);
-    camera.yaw = 0.55;
-    camera.pitch = 0.13;
-    camera.distance *= CLOSER;
+    let mut camera = Camera::fit(&bounds, view.size[0] as f32 / view.size[1] as f32);
+    camera.yaw = view.yaw;
+    camera.pitch = view.pitch;
+    camera.distance *= view.closer;
     match Gpu::request() {
         Ok(gpu) => {
-            let picture = armature_render::render_to_image_gpu(&gpu, &scene, &camera, SIZE, Samples::Four)?;
+            let picture = armature_render::render_to_image_gpu(&gpu, &scene, &camera, view.size, Samples::Four)?;
             Ok((picture, DrawnBy::Adapter(gpu.label())))
         }
         Err(error @ (RenderError::NoAdapter { .. } | RenderError::NoDevice { .. })) => {
-            let picture = armature_render::render_to_image_cpu(&scene, &camera, SIZE, Samples::Four)?;
+            let picture = armature_render::render_to_image_cpu(&scene, &camera, view.size, Samples::Four)?;
             Ok((picture, DrawnBy::Cpu(error.to_string())))
         }
         Err(error) => Err(error),

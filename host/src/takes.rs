@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
+use armature_character::InverseKinematics;
 use armature_take::{ReadReport, Take};
 
+use crate::engine::actor::Actor;
+use crate::engine::completion::{IkArgs, IkMode};
 use crate::failure::Failure;
 use crate::files;
 
@@ -19,4 +22,17 @@ pub fn read_and_tell(path: &Path) -> Result<Take, Failure> {
         eprintln!("note: {}: {problem}", path.display());
     }
     Ok(take)
+}
+
+/// What turned bones without a joint while a take was recorded, made anew from its character; `None` if nothing did.
+pub fn completion(take: &Take, actor: &Actor) -> Result<Option<InverseKinematics>, Failure> {
+    let Some(header) = &take.header().inverse_kinematics else { return Ok(None) };
+    if take.header().character_hash != actor.content_hash() {
+        let what = format!(
+            "the take was recorded with inverse kinematics on another {} than this one, so its poses cannot be solved again",
+            actor.name
+        );
+        return Err(Failure::usage(what, "name the very character it was recorded with by --character"));
+    }
+    IkArgs { ik: IkMode::On, pin: header.pins.clone() }.of_actor(actor)
 }

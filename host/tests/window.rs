@@ -92,7 +92,7 @@ fn connected() -> Stage {
         EngineEvent::CharacterLoaded(Arc::new(character)),
         EngineEvent::Connected { address: "sim:human".into(), device: "Armature simulator 1.0".into() },
         EngineEvent::Topology { tree: puppets::tree() },
-        EngineEvent::Mapping { bone_of_part: puppets::mapping() },
+        EngineEvent::Mapping { bone_of_part: puppets::mapping(), solved: Vec::new() },
         EngineEvent::Frame(frame),
     ]);
     stage.commands();

@@ -72,7 +72,7 @@ impl std::fmt::Display for BodyError {
             Self::UnknownPreset { name } => {
                 write!(
                     f,
-                    "there is no puppet called {name:?}; choose human, spider, hand or joints:N (N from 1 to 149)"
+                    "there is no puppet called {name:?}; choose human, human8, spider, hand or joints:N (N from 1 to 149)"
                 )
             }
         }

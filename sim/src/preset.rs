@@ -1,4 +1,4 @@
-//! The puppets that come ready: a human, a spider, a hand, and any number of joints.
+//! The puppets that come ready: a human, a human of eight joints, a spider, a hand, and any number of joints.
 //!
 //! Outlets of splitters run from the character's left to its right, and on one side from front to back, so that a
 //! host can tell equal branches apart.
@@ -8,12 +8,14 @@ use firmware_protocol::PartKind::{Bend, Twist, TwistBendTwist};
 use crate::body::{Body, BodyBuilder, BodyError};
 
 impl Body {
-    /// The preset with this name: `human`, `spider`, `hand` or `joints:N`. The same seed gives the same part numbers.
+    /// The preset with this name: `human`, `human8`, `spider`, `hand` or `joints:N`. The same seed gives the same part
+    /// numbers.
     pub fn preset(name: &str, seed: u64) -> Result<Self, BodyError> {
         let unknown = || BodyError::UnknownPreset { name: name.to_owned() };
         let builder = BodyBuilder::new(name, seed);
         match name.split_once(':') {
             None if name == "human" => human(builder),
+            None if name == "human8" => human8(builder),
             None if name == "spider" => spider(builder),
             None if name == "hand" => hand(builder),
             Some(("joints", count)) => {
@@ -48,6 +50,22 @@ fn human(mut b: BodyBuilder) -> Result<Body, BodyError> {
         b.joint(format!("{side}_wrist"), TwistBendTwist, Some(forearm));
     }
     b.joint("head", TwistBendTwist, Some(neck));
+    b.finish()
+}
+
+/// What eight joints of one kind make of a human: spine, head, two arms with elbows, two legs. On a stand that holds
+/// the pelvis, in T-pose.
+fn human8(mut b: BodyBuilder) -> Result<Body, BodyError> {
+    let stand = b.splitter("stand", 3, None);
+    b.joint("left_hip", TwistBendTwist, Some(stand));
+    let spine = b.joint("spine", TwistBendTwist, Some(stand));
+    b.joint("right_hip", TwistBendTwist, Some(stand));
+    let shoulders = b.splitter("shoulders", 3, Some(spine));
+    let left_shoulder = b.joint("left_shoulder", TwistBendTwist, Some(shoulders));
+    b.joint("head", TwistBendTwist, Some(shoulders));
+    let right_shoulder = b.joint("right_shoulder", TwistBendTwist, Some(shoulders));
+    b.joint("left_elbow", TwistBendTwist, Some(left_shoulder));
+    b.joint("right_elbow", TwistBendTwist, Some(right_shoulder));
     b.finish()
 }
 
@@ -107,6 +125,7 @@ mod tests {
     fn presets_have_the_promised_joints() {
         for (name, joints, sensors) in [
             ("human", 19, 45),
+            ("human8", 8, 24),
             ("spider", 25, 43),
             ("hand", 16, 28),
             ("joints:32", 32, 96),

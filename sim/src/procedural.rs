@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn every_joint_of_the_presets_has_a_role() {
-        for name in ["human", "spider", "hand"] {
+        for name in ["human", "human8", "spider", "hand"] {
             let body = Body::preset(name, 0).unwrap();
             for part in body.parts().iter().filter(|p| p.kind.sensor_count() != Some(0)) {
                 assert!(Role::of(&part.label) != Role::Still || part.label == "body", "{}", part.label);
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn motions_begin_at_rest_and_run_smoothly() {
-        for name in ["human", "spider", "hand", "joints:5"] {
+        for name in ["human", "human8", "spider", "hand", "joints:5"] {
             let body = Body::preset(name, 0).unwrap();
             for motion in [Motion::Walk, Motion::Wave, Motion::WalkAndWave, Motion::Wiggle] {
                 let player = Player::new(motion.clone(), &body);

@@ -87,6 +87,8 @@ pub enum EngineEvent {
     Mapping {
         /// One entry a part: index of the bone in the character's skeleton.
         bone_of_part: Vec<Option<usize>>,
+        /// For each bone of the skeleton whether inverse kinematics turns it; empty where it is off.
+        solved: Vec<bool>,
     },
     /// The newest pose.
     Frame(Box<Frame>),

@@ -124,6 +124,8 @@ pub struct State {
     pub rows: Vec<PartRow>,
     /// Bone of every part; may be shorter than the tree.
     pub bone_of_part: Vec<Option<usize>>,
+    /// Bones that inverse kinematics turns; shorter than the skeleton where it is off.
+    pub solved: Vec<bool>,
     /// The newest pose.
     pub frame: Option<Box<Frame>>,
     /// Grows with every frame.
@@ -162,6 +164,7 @@ impl Default for State {
             tree: None,
             rows: Vec::new(),
             bone_of_part: Vec::new(),
+            solved: Vec::new(),
             frame: None,
             frame_number: 0,
             character: None,
@@ -210,7 +213,7 @@ impl State {
                 self.selected = self.selected_in(&tree);
                 self.tree = Some(tree);
             }
-            EngineEvent::Mapping { bone_of_part } => self.bone_of_part = bone_of_part,
+            EngineEvent::Mapping { bone_of_part, solved } => (self.bone_of_part, self.solved) = (bone_of_part, solved),
             EngineEvent::Zeroed { sensors, unreadable } => {
                 self.zeros += 1;
                 self.zeroed = Some(Zeroed { number: self.zeros, sensors, unreadable });
@@ -226,6 +229,7 @@ impl State {
             EngineEvent::CharacterLoaded(character) => {
                 self.busy = None;
                 self.bone_of_part.clear();
+                self.solved.clear();
                 self.character = Some(character);
                 self.character_number += 1;
                 self.frame_number += 1;
@@ -351,6 +355,11 @@ impl State {
             .map_or_else(String::new, |part| kind_label(part.kind))
     }
 
+    /// Whether inverse kinematics turns a bone.
+    pub fn is_solved(&self, bone: usize) -> bool {
+        self.solved.get(bone).copied().unwrap_or(false)
+    }
+
     /// The parts that a bone follows.
     pub fn parts_of_bone(&self, bone: usize) -> impl Iterator<Item = usize> + '_ {
         self.bone_of_part.iter().enumerate().filter(move |(_, b)| **b == Some(bone)).map(|(part, _)| part)
@@ -375,6 +384,7 @@ impl State {
         self.tree = None;
         self.rows.clear();
         self.bone_of_part.clear();
+        self.solved.clear();
         self.selected = None;
         self.recording = None;
         self.zeroed = None;

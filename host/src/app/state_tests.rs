@@ -123,10 +123,13 @@ fn names_come_from_bones_where_there_are_any() {
     let bone = Bone { name: "elbow".into(), parent: None, rest: Transform::IDENTITY, tail: glam::Vec3::Y };
     let character = CharacterView { skeleton: Skeleton::new(vec![bone]).unwrap(), ..CharacterView::default() };
     state.update_state(EngineEvent::CharacterLoaded(Arc::new(character)));
-    state.update_state(EngineEvent::Mapping { bone_of_part: vec![None, Some(0), Some(9)] });
+    state.update_state(EngineEvent::Mapping { bone_of_part: vec![None, Some(0), Some(9)], solved: Vec::new() });
     assert_eq!((state.part_label(1).as_str(), state.parts_of_bone(0).collect::<Vec<_>>()), ("elbow", vec![1]));
     assert_eq!(state.bone_state(0), Some(SensorState::Ok));
-    state.update_state(EngineEvent::Mapping { bone_of_part: vec![None, Some(0), Some(0), Some(9)] });
+    state.update_state(EngineEvent::Mapping {
+        bone_of_part: vec![None, Some(0), Some(0), Some(9)],
+        solved: vec![false],
+    });
     assert_eq!((state.part_label(1).as_str(), state.part_label(2).as_str()), ("elbow bend", "elbow twist"));
     assert_eq!(state.bone_state(0), Some(SensorState::NoData), "the worse of both");
     assert_eq!(state.part_label(3), "Three-axis joint", "a bone that is not there names nothing");

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use armature_sim::serve;
 use clap::{Args, ValueEnum};
 
+use crate::engine::completion::IkArgs;
 use crate::engine::simulated::SimulatedArgs;
 use crate::slice::Axis;
 
@@ -23,6 +24,15 @@ pub struct DemoArgs {
     /// Seed of the simulated puppet
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// The simulated puppet: human, human8 (eight joints for all of a human), spider, hand
+    #[arg(long, default_value = "human")]
+    pub puppet: String,
+    /// What the puppet does: walk, wave, walk+wave, wiggle, or a BVH file of a human figure
+    #[arg(long)]
+    pub motion: Option<String>,
+    /// What becomes of bones without a joint.
+    #[command(flatten)]
+    pub ik: IkArgs,
 }
 
 /// `armature inspect`
@@ -120,8 +130,8 @@ pub struct VolumeArgs {
 /// `armature run`
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The puppet: sim:human, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD], usb:VID:PID[,SERIAL],
-    /// hid:VID:PID[,SERIAL], tcp:HOST:PORT, or an arm of servos: feetech:PATH[@BAUD], dynamixel:PATH[@BAUD]
+    /// The puppet: sim:human, sim:human8, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD], tcp:HOST:PORT, or an arm of servos:
+    /// feetech:PATH[@BAUD], dynamixel:PATH[@BAUD]
     #[arg(short, long, default_value = "sim:human")]
     pub device: String,
     /// Which arm of servos: so101-leader, koch-leader, gello, gello-franka
@@ -159,6 +169,9 @@ pub struct RunArgs {
     /// or one-euro:HERTZ,BETA (the cutoff at rest, and how it grows with the speed); the lag it adds is told
     #[arg(long)]
     pub filter: Option<armature_rig::Filter>,
+    /// What becomes of bones without a joint.
+    #[command(flatten)]
+    pub ik: IkArgs,
     /// What a simulated puppet does.
     #[command(flatten)]
     pub simulated: SimulatedArgs,
@@ -230,7 +243,8 @@ pub struct ReplayArgs {
     /// The picture's file
     #[arg(long, value_name = "PNG")]
     pub picture: Option<PathBuf>,
-    /// The character for the picture; without it, the one the take was recorded with
+    /// The character, for the picture and for bones that inverse kinematics turned; without it, the one the take was
+    /// recorded with
     #[arg(short, long)]
     pub character: Option<String>,
 }
@@ -280,17 +294,6 @@ pub struct BenchArgs {
     /// Where to draw the times of `volume/growth` against the size
     #[arg(long, value_name = "SVG")]
     pub plot: Option<PathBuf>,
-}
-
-/// `armature devices`
-#[derive(Debug, Default, Args)]
-pub struct DevicesArgs {
-    /// Go on looking, and tell what is plugged in and out (Ctrl-C ends)
-    #[arg(long)]
-    pub watch: bool,
-    /// Watch for so long
-    #[arg(long, value_name = "SECONDS", requires = "watch")]
-    pub seconds: Option<f64>,
 }
 
 /// `armature sim`

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use armature_rig::{Calibration, Pose};
-use armature_take::{ExportSettings, Header, ResampleSettings, Take, Timeline, verify};
+use armature_rig::{Calibration, Pose, PoseCompletion};
+use armature_take::{ExportSettings, Header, ResampleSettings, Take, Timeline, verify_completed};
 
 use glam::Affine3A;
 
@@ -44,12 +44,13 @@ pub fn demo(args: &DemoArgs, talk: Talk) -> Result<(), Failure> {
             println!("{line}");
         }
     };
-    let actor = make_character(talk, &say)?;
+    let device = format!("sim:{}", args.puppet);
+    let actor = make_character(characters::default_for(&device), talk, &say)?;
     let (live, summary) = {
-        let simulated = SimulatedArgs { seed: args.seed, ..SimulatedArgs::default() };
-        let live = Live::connect("sim:human", &simulated)?;
+        let simulated = SimulatedArgs { seed: args.seed, motion: args.motion.clone(), ..SimulatedArgs::default() };
+        let live = Live::connect(&device, &simulated)?;
         let process = live.simulated_process().map_or_else(String::new, |id| format!(" in process {id}"));
-        say(format!("puppet     simulated human{process} at {}", live.address()));
+        say(format!("puppet     simulated {}{process} at {}", args.puppet, live.address()));
         let address = live.address().to_string();
         (address, perform_and_record(args, live, actor.clone(), &outputs.take, talk)?)
     };
@@ -58,17 +59,17 @@ pub fn demo(args: &DemoArgs, talk: Talk) -> Result<(), Failure> {
         return Err(trouble);
     }
     let take = takes::read_and_tell(&outputs.take)?;
-    check_replay(&take, talk, &say)?;
+    check_replay(&take, &actor, talk, &say)?;
     write_exports(&take, &actor, &outputs, talk, &say)?;
     write_picture(&take, &actor, &outputs.picture, &say)?;
     say(format!("done       a puppet on {live} moved {}; open {} in Blender", actor.name, outputs.glb.display()));
     Ok(())
 }
 
-fn make_character(talk: Talk, say: &dyn Fn(String)) -> Result<Arc<Actor>, Failure> {
+fn make_character(name: &str, talk: Talk, say: &dyn Fn(String)) -> Result<Arc<Actor>, Failure> {
     let start = std::time::Instant::now();
     let bar = Bar::new(talk, "shaping the character");
-    let found = characters::find("human", &mut bar.binding())?;
+    let found = characters::find(name, &mut bar.binding())?;
     bar.finish();
     let triangles = found.actor.shape.as_ref().map_or(0, |s| s.triangles.len());
     let bones = found.actor.skeleton.len();
@@ -107,15 +108,18 @@ fn perform_and_record(
             ..Header::default()
         },
     };
-    let performance = Performance::new(actor, None, Calibration::default(), ZeroPolicy::AtStart)?;
+    let performance = Performance::new(actor, None, Calibration::default(), ZeroPolicy::AtStart)?
+        .with_inverse_kinematics(&args.ik)?;
     let bar = Bar::new(talk, "waiting for the puppet");
     let (_, summary) = perform::perform(live, performance, &plan, &mut |line, done| bar.show(line, done))?;
     Ok(summary)
 }
 
-fn check_replay(take: &Take, talk: Talk, say: &dyn Fn(String)) -> Result<(), Failure> {
+fn check_replay(take: &Take, actor: &Actor, talk: Talk, say: &dyn Fn(String)) -> Result<(), Failure> {
     let bar = Bar::new(talk, "solving again");
-    let verification = verify(take, &mut bar.fraction("solving again"))
+    let mut completion = takes::completion(take, actor)?;
+    let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
+    let verification = verify_completed(take, completion, &mut bar.fraction("solving again"))
         .map_err(|e| Failure::input(e.to_string(), "this is a defect; please report it"))?;
     bar.finish();
     if !verification.is_exact() {

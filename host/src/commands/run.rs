@@ -42,7 +42,8 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         args.mapping.as_deref().map(settings::read_mapping).transpose()?,
         calibration,
         if args.zero { ZeroPolicy::AtStart } else { ZeroPolicy::WhenUnknown },
-    )?;
+    )?
+    .with_inverse_kinematics(&args.ik)?;
     let plan = plan(args, &actor);
     let (performance, summary) = if args.virtual_clock {
         run_virtually(args, performance, &plan, is_simulated)?
@@ -88,6 +89,7 @@ fn plan(args: &RunArgs, actor: &Actor) -> Plan {
             seed: is_simulated.then_some(args.simulated.seed),
             virtual_clock: args.virtual_clock,
             unix_micros: (!args.virtual_clock).then(settings::unix_micros).flatten(),
+            inverse_kinematics: None,
         },
     }
 }

@@ -92,6 +92,12 @@ pub fn bone_of_part(tree: &JointTree, performance: &Performance) -> Vec<Option<u
     tree.parts().iter().map(bone_of).collect()
 }
 
+/// For each bone whether inverse kinematics turns it; empty where it is off.
+pub fn solved_bones(performance: &Performance) -> Vec<bool> {
+    let roles = performance.bone_roles().unwrap_or_default();
+    roles.iter().map(|role| *role == armature_character::BoneRole::Solved).collect()
+}
+
 /// One line about a device, for people.
 pub fn device_line(info: &DeviceInfo) -> String {
     let [major, minor] = info.protocol;

@@ -3,6 +3,7 @@
 pub mod actor;
 pub mod bridge;
 pub mod calibrating;
+pub mod completion;
 pub mod frames;
 pub mod latency;
 pub mod live;

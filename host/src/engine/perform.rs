@@ -9,6 +9,7 @@ use armature_device::{DeviceInfo, DeviceNotice, DeviceProblem, Event, SessionCou
 use armature_rig::Filter;
 use armature_take::Header;
 
+use super::completion::RoleCounts;
 use super::latency::{Latencies, LatencySummary};
 use super::live::problem_failure;
 use super::performance::Performance;
@@ -61,6 +62,8 @@ pub struct Summary {
     pub device: Option<DeviceInfo>,
     /// How many joints and bones, and how many bones are driven.
     pub joints_bones_driven: (usize, usize, usize),
+    /// What turned the bones; `None` where bones without a joint stayed at rest.
+    pub roles: Option<RoleCounts>,
     /// Poses of the performance proper, after zeroing.
     pub poses: u64,
     /// How long the performance lasted, seconds of the session's time.
@@ -267,6 +270,7 @@ impl Show<'_> {
             filter: filter_line(&performance, period),
             device: self.device,
             joints_bones_driven: (joints, performance.actor().skeleton.len(), driven),
+            roles: performance.bone_roles().map(RoleCounts::of).filter(|roles| roles.solved > 0),
             poses: self.poses,
             seconds: self.began.map_or(0.0, |began| now - began),
             latency: (!virtual_clock).then(|| self.latencies.summary()),
@@ -313,6 +317,9 @@ impl fmt::Display for Summary {
                 "puppet     {} (protocol {major}.{minor}), {joints} joints drive {driven} of {bones} bones",
                 device.name
             )?;
+        }
+        if let Some(roles) = &self.roles {
+            writeln!(f, "bones      {roles}")?;
         }
         writeln!(f, "stream     {} poses in {:.2} s, {rate:.1} a second", self.poses, self.seconds)?;
         let counters = &self.counters;

@@ -5,13 +5,16 @@
 
 use std::sync::Arc;
 
+use armature_character::{BoneRole, InverseKinematics};
 use armature_rig::{
-    BoneStatus, Calibration, JointTree, Mapping, PartUid, Pose, RawSample, SensorCalibration, SensorState, SolveError,
-    StreamSolver, ZeroReport,
+    BoneStatus, Calibration, JointTree, Mapping, PartUid, Pose, PoseCompletion, RawSample, SensorCalibration,
+    SensorState, SolveError, StreamSolver, ZeroReport,
 };
+use armature_take::InverseKinematicsHeader;
 use glam::{Affine3A, Quat};
 
 use super::actor::Actor;
+use super::completion::IkArgs;
 use crate::failure::Failure;
 
 /// When the rest pose is taken. A part that is plugged in later and was never zeroed is zeroed by itself, unless the
@@ -66,6 +69,10 @@ pub struct Performance {
     zero_wish: ZeroWish,
     waited_samples: u32,
     solver: StreamSolver,
+    inverse_kinematics: Option<InverseKinematics>,
+    /// A take that began without inverse kinematics goes on without.
+    solves_joints_alone: bool,
+    pose: Pose,
     model_from_bone: Vec<Affine3A>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
@@ -87,6 +94,9 @@ impl Performance {
         solver.set_calibration(calibration);
         solver.engage(ENGAGE_MICROS, false);
         Ok(Self {
+            inverse_kinematics: None,
+            solves_joints_alone: false,
+            pose: actor.skeleton.rest_pose(),
             actor,
             skin,
             chosen_mapping: mapping,
@@ -100,6 +110,28 @@ impl Performance {
             positions,
             normals,
         })
+    }
+
+    /// Lets bones without a joint follow, as chosen.
+    pub fn with_inverse_kinematics(mut self, choice: &IkArgs) -> Result<Self, Failure> {
+        self.inverse_kinematics = choice.of_actor(&self.actor)?;
+        self.prepare_inverse_kinematics();
+        Ok(self)
+    }
+
+    /// Prepares for the bones that the mapping drives before samples come; those would do it too, but late.
+    fn prepare_inverse_kinematics(&mut self) {
+        let (Some(ik), Some(mapping)) = (&mut self.inverse_kinematics, self.solver.mapping()) else { return };
+        let mut driven = vec![false; self.actor.skeleton.len()];
+        for bone in mapping.entries.iter().filter_map(|entry| self.actor.skeleton.find(&entry.bone)) {
+            driven[bone] = true;
+        }
+        if ik.driven() == driven {
+            return;
+        }
+        if let Err(error) = ik.drive(&driven, &mut |_| std::ops::ControlFlow::Continue(())) {
+            tracing::warn!("bones without a joint stay at rest: {error}");
+        }
     }
 
     /// Takes a puppet as it is plugged together now. Parts that were there before go on without a jump.
@@ -126,6 +158,7 @@ impl Performance {
         self.solver.set_calibration(calibration);
         self.solver.set_mapping(mapping);
         self.solver.set_topology(epoch, tree);
+        self.prepare_inverse_kinematics();
     }
 
     /// What was proposed for a puppet still holds while parts of it are unplugged, and when they are back: otherwise
@@ -172,7 +205,7 @@ impl Performance {
     }
 
     /// Forgets what sensors said before, so that a take that begins now can be solved from its own samples alone.
-    pub fn forget_past(&mut self) {
+    fn forget_past(&mut self) {
         let mut fresh = StreamSolver::new(self.actor.skeleton.clone());
         fresh.set_calibration(self.solver.calibration().clone());
         fresh.engage(ENGAGE_MICROS, false);
@@ -183,6 +216,23 @@ impl Performance {
             fresh.set_topology(epoch, tree.clone());
         }
         self.solver = fresh;
+        if let Some(ik) = &mut self.inverse_kinematics {
+            ik.restart();
+        }
+    }
+
+    /// A take begins: the past is forgotten, and what the take's header has to say of inverse kinematics is returned.
+    /// Where no bone needs it now, the take does without to its end.
+    pub fn begin_take(&mut self) -> Option<InverseKinematicsHeader> {
+        self.forget_past();
+        let needed = self.inverse_kinematics.as_ref().filter(|ik| ik.is_needed());
+        self.solves_joints_alone = needed.is_none();
+        needed.map(|ik| InverseKinematicsHeader { pins: ik.pins().map(|pin| pin.to_string()).collect() })
+    }
+
+    /// The take has ended.
+    pub fn end_take(&mut self) {
+        self.solves_joints_alone = false;
     }
 
     /// Poses and skins the character by one sample.
@@ -203,7 +253,12 @@ impl Performance {
             }
             Err(error) => return Err(Failure::device(error.to_string(), "unplug the puppet and connect again")),
         };
-        pose.forward_kinematics(&self.actor.skeleton, &mut self.model_from_bone);
+        self.pose.parent_from_bone.clone_from(&pose.parent_from_bone);
+        let ik = self.inverse_kinematics.as_mut().filter(|_| !self.solves_joints_alone);
+        if let (Some(ik), Some(state)) = (ik, self.solver.solver()) {
+            ik.complete(state.bone_status(), &mut self.pose);
+        }
+        self.pose.forward_kinematics(&self.actor.skeleton, &mut self.model_from_bone);
         if let Some(skin) = &mut self.skin {
             let skinned = skin.solve(&self.model_from_bone, &mut self.positions, &mut self.normals);
             skinned.map_err(|e| Failure::not_converged(e.to_string(), "zero the puppet again"))?;
@@ -269,7 +324,12 @@ impl Performance {
 
     /// The latest pose.
     pub fn pose(&self) -> &Pose {
-        self.solver.pose()
+        &self.pose
+    }
+
+    /// What decides how each bone is turned; `None` where bones without a joint stay at rest.
+    pub fn bone_roles(&self) -> Option<&[BoneRole]> {
+        self.inverse_kinematics.as_ref().filter(|_| !self.solves_joints_alone).map(InverseKinematics::roles)
     }
 
     /// `model_from_bone` of the latest pose.

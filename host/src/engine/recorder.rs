@@ -73,7 +73,7 @@ impl<W: Write> Recorder<W> {
     /// Begins a take: header, skeleton, and everything needed to solve its samples. The performance forgets what its
     /// sensors said before, so that the take stands on its own.
     pub fn begin(out: W, name: &str, header: &Header, performance: &mut Performance) -> Result<Self, Failure> {
-        performance.forget_past();
+        let header = &Header { inverse_kinematics: performance.begin_take(), ..header.clone() };
         let failed = |error| write_failure(name, &error);
         let mut writer = TakeWriter::new(out, header).map_err(failed)?;
         writer.skeleton(&performance.actor().skeleton).map_err(failed)?;

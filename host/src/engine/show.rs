@@ -14,6 +14,7 @@ use armature_rig::Calibration;
 use armature_take::Header;
 
 use super::actor::Actor;
+use super::completion::IkArgs;
 use super::live::{Live, parse_address};
 use super::perform::{Next, Source};
 use super::performance::{Performance, ZeroPolicy};
@@ -190,7 +191,7 @@ impl Show {
     fn take_calibration(&mut self) -> Result<(), Failure> {
         let Some(actor) = self.stage.as_ref().map(|s| s.performance().actor().clone()) else { return Ok(()) };
         let performance = Performance::new(actor, None, self.kept_calibration()?, ZeroPolicy::WhenUnknown)?;
-        self.stage = Some(Stage::new(performance));
+        self.stage = Some(Stage::new(performance.with_inverse_kinematics(&IkArgs::default())?));
         Ok(())
     }
 
@@ -212,13 +213,10 @@ impl Show {
     }
 
     fn list_devices(&self) -> Result<(), Failure> {
-        let plugged = armature_device::list_devices();
-        if let Some(problem) = plugged.problems.first().filter(|_| plugged.devices.is_empty()) {
-            return Err(Failure::device(problem.to_string(), ""));
-        }
-        let found = plugged.devices.into_iter().map(|device| {
-            let product = device.usb.and_then(|usb| usb.product);
-            FoundDevice { address: device.address.to_string(), label: product.unwrap_or_else(|| "serial port".into()) }
+        let ports = armature_device::list_serial_ports().map_err(|e| Failure::device(e.to_string(), ""))?;
+        let found = ports.into_iter().map(|port| {
+            let product = port.usb.and_then(|usb| usb.product);
+            FoundDevice { address: port.address.to_string(), label: product.unwrap_or_else(|| "serial port".into()) }
         });
         self.link.send(EngineEvent::Devices(found.collect()));
         Ok(())
@@ -281,7 +279,8 @@ impl Show {
             Some(stage) => stage.performance().calibration().clone(),
             None => self.kept_calibration()?,
         };
-        let performance = Performance::new(actor.clone(), None, calibration, ZeroPolicy::WhenUnknown)?;
+        let performance = Performance::new(actor.clone(), None, calibration, ZeroPolicy::WhenUnknown)?
+            .with_inverse_kinematics(&IkArgs::default())?;
         self.link.send(EngineEvent::CharacterLoaded(Arc::new(frames::view_of(actor))));
         match &mut self.stage {
             Some(stage) => stage.replace_performance(performance),
@@ -295,7 +294,10 @@ impl Show {
         let Some(stage) = &self.stage else { return };
         let Some(tree) = stage.tree() else { return };
         self.link.send(EngineEvent::Topology { tree: Arc::new(tree.clone()) });
-        self.link.send(EngineEvent::Mapping { bone_of_part: frames::bone_of_part(tree, stage.performance()) });
+        self.link.send(EngineEvent::Mapping {
+            bone_of_part: frames::bone_of_part(tree, stage.performance()),
+            solved: frames::solved_bones(stage.performance()),
+        });
     }
 
     fn look_after_puppet(&mut self) -> Result<(), Failure> {

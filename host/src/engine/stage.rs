@@ -135,6 +135,7 @@ impl<W: Write> Stage<W> {
 
     /// Ends the take, if one is being recorded.
     pub fn stop_recording(&mut self) -> Result<Option<(W, RecordedTake)>, Failure> {
+        self.performance.end_take();
         self.recorder.take().map(Recorder::finish).transpose()
     }
 

@@ -28,7 +28,7 @@ pub enum Place {
 /// Which puppet to emulate, what it does and what goes wrong. Times are in seconds.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// human, spider, hand, joints:N, or a BVH file (one joint a bone); so101-leader, koch-leader, gello or gello-franka:
+    /// human, human8, spider, hand, joints:N, or a BVH file (one joint a bone); so101-leader, koch-leader, gello or gello-franka:
     /// an arm of bus servos, on a pseudo-terminal only
     #[arg(default_value = "human")]
     pub puppet: String,

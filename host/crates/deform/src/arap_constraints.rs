@@ -2,7 +2,7 @@
 //! rest (thesis eqs. 7.3 and 7.19).
 
 use crate::arap_reduction::Reduction;
-use crate::dense::{Dense, Elimination, PivotedCholesky, eliminate, pivoted_cholesky};
+use crate::dense::{Dense, eliminate, pivoted_cholesky};
 use crate::nearest_rotation::LANES;
 use crate::reduced_arap::{Anchor, ArapError, HandleConstraint, homogeneous};
 
@@ -64,14 +64,13 @@ impl System {
         let (known, open): (Vec<usize>, Vec<usize>) = (0..rows).partition(|&row| is_known(row));
         let mut system = Self { constraints: constraints.to_vec(), known, open, ..Self::default() };
         system.gather_equations(reduction, anchors);
-        let mut factored = system.factor(reduction);
-        let undecided = factored.factor.null_space().times(&factored.split.open);
-        if undecided.rows > 0 {
-            system.undetermined = undecided.rows;
-            system.hold_at_rest(reduction, &undecided);
-            factored = system.factor(reduction);
+        let mut inverse = system.invert(reduction);
+        if inverse.undecided.rows > 0 {
+            system.undetermined = inverse.undecided.rows;
+            system.hold_at_rest(reduction, &inverse.undecided);
+            inverse = system.invert(reduction);
         }
-        system.collapse(reduction, &factored);
+        system.collapse(reduction, &inverse);
         Ok(system)
     }
 
@@ -106,12 +105,14 @@ impl System {
         }
     }
 
-    fn factor(&self, reduction: &Reduction) -> Factored {
+    fn invert(&self, reduction: &Reduction) -> Inverse {
         let split = eliminate(&self.equations.select(&(0..self.equations.rows).collect::<Vec<_>>(), &self.open));
         let stiffness = reduction.stiffness.select(&self.open, &self.open);
         let within = split.open.times(&stiffness).times(&split.open.transpose());
         let factor = pivoted_cholesky(&within, UNDECIDED, ROUNDING * reduction.largest_stiffness());
-        Factored { split, factor }
+        let undecided = factor.null_space().times(&split.open);
+        let permuted = split.open.select(&factor.order, &(0..self.open.len()).collect::<Vec<_>>());
+        Inverse { particular: split.particular, whitened: factor.solve_lower(&permuted), undecided }
     }
 
     /// One more equation for each motion that nothing decides: that it stays where it is closest to rest.
@@ -132,12 +133,8 @@ impl System {
         }
     }
 
-    fn collapse(&mut self, reduction: &Reduction, factored: &Factored) {
-        let Factored { split, factor } = factored;
-        let particular = &split.particular;
-        // H^-½ Z: its transpose times itself is the inverse Π of what the equations leave open.
-        let permuted = split.open.select(&factor.order, &(0..self.open.len()).collect::<Vec<_>>());
-        let whitened = &factor.solve_lower(&permuted);
+    fn collapse(&mut self, reduction: &Reduction, inverse: &Inverse) {
+        let Inverse { particular, whitened, .. } = inverse;
         let all_clusters: Vec<usize> = (0..reduction.covariance.rows).collect();
         let covariance = reduction.covariance.select(&all_clusters, &self.open);
         let half = whitened.times(&covariance.transpose());
@@ -158,10 +155,13 @@ impl System {
     }
 }
 
-struct Factored {
-    split: Elimination,
-    /// Of the stiffness `H` within what the equations leave open.
-    factor: PivotedCholesky,
+struct Inverse {
+    /// open×c.
+    particular: Dense,
+    /// `H^-½ Z`: its transpose times itself is the inverse `Π` of what the equations leave open.
+    whitened: Dense,
+    /// Motions without stiffness, row by row.
+    undecided: Dense,
 }
 
 fn pack(product: &Dense, cluster_count: usize) -> Vec<[[f32; LANES]; 3]> {

@@ -12,6 +12,7 @@ mod assignment;
 mod calibration;
 mod calibration_step;
 mod child_order;
+mod completion;
 mod engagement;
 mod filter;
 mod joint_rotation;
@@ -34,6 +35,7 @@ pub use calibration::{
 };
 pub use calibration_step::{CalibrationRun, CalibrationStep, Progress, Reading, StepError, StepTimes, UnknownStep};
 pub use child_order::ChildOrder;
+pub use completion::PoseCompletion;
 pub use filter::{DEFAULT_PATIENCE_SECONDS, Filter, FilterError, OneEuro};
 pub use joint_rotation::{joint_angles, joint_angles_near, joint_rotation, wrapped};
 pub use joint_tree::{JointAxis, JointTree, JointTreeError, Part, PartKind, PartUid, PartUidError};

@@ -32,8 +32,11 @@ const SELDOM_DRIVEN: [&str; 23] = [
     "twist",
 ];
 const SELDOM_DRIVEN_FACTOR: f64 = 0.4;
-/// A bone right after a branching (a collarbone, half a pelvis) goes without a joint sooner than those after it.
+/// A bone right after a branching (a collarbone, half a pelvis) goes without a joint sooner than those after it,
 const FIRST_OF_BRANCH_FACTOR: f64 = 0.6;
+/// unless it is itself as long as this part of the longest bone: a thigh. A puppet with one joint a leg has it there.
+const LIMB_SHARE: f64 = 0.6;
+const FIRST_OF_LIMB_FACTOR: f64 = 1.2;
 /// So does a single root with a single child, which mostly marks the ground.
 const GROUND_FACTOR: f64 = 0.5;
 /// The part of a bone's importance that does not depend on its length.
@@ -162,7 +165,8 @@ fn bone_shapes(skeleton: &Skeleton, order: &ChildOrder) -> Tree<BoneShape> {
         let siblings = bone.parent.map_or_else(|| order.roots(), |parent| order.children(parent));
         let mut importance = BASE_IMPORTANCE + (1.0 - BASE_IMPORTANCE) * length(index) / longest;
         if siblings.len() > 1 {
-            importance *= FIRST_OF_BRANCH_FACTOR;
+            let is_limb = length(index) >= LIMB_SHARE * longest;
+            importance *= if is_limb { FIRST_OF_LIMB_FACTOR } else { FIRST_OF_BRANCH_FACTOR };
         } else if bone.parent.is_none() && order.children(index).len() == 1 {
             importance *= GROUND_FACTOR;
         }

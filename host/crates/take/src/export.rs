@@ -83,7 +83,7 @@ pub fn take_motion(
     let (solved, replay): (Vec<PackedPose>, _) = match settings.poses {
         PoseSource::Recorded => (Vec::new(), None),
         PoseSource::SolvedAgain => {
-            let (poses, summary) = solve_again(take, progress)?;
+            let (poses, summary) = solve_again(take, None, progress)?;
             (poses, Some(summary))
         }
     };

@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = *b"\x8aTAKE\r\n\n";
 pub const MAJOR_VERSION: u16 = 1;
 
 /// A higher minor version only adds record types and appends fields to payloads.
-pub const MINOR_VERSION: u16 = 0;
+pub const MINOR_VERSION: u16 = 1;
 
 /// Magic, major, minor and their checksum.
 pub const PREAMBLE_BYTES: usize = 16;
@@ -28,11 +28,12 @@ pub const MAX_PAYLOAD_BYTES: usize = 64 << 20;
 
 static CRC_32: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
-pub(crate) fn preamble() -> [u8; PREAMBLE_BYTES] {
+/// `minor`: the lowest version that a reader needs to understand all of the take.
+pub(crate) fn preamble(minor: u16) -> [u8; PREAMBLE_BYTES] {
     let mut bytes = [0; PREAMBLE_BYTES];
     bytes[..8].copy_from_slice(&MAGIC);
     bytes[8..10].copy_from_slice(&MAJOR_VERSION.to_le_bytes());
-    bytes[10..12].copy_from_slice(&MINOR_VERSION.to_le_bytes());
+    bytes[10..12].copy_from_slice(&minor.to_le_bytes());
     let crc = CRC_32.checksum(&bytes[..12]);
     bytes[12..].copy_from_slice(&crc.to_le_bytes());
     bytes

@@ -29,7 +29,7 @@
 //! |---|---|
 //! | 8 bytes | `8A 54 41 4B 45 0D 0A 0A` |
 //! | `u16` | major version, 1 |
-//! | `u16` | minor version, 0 |
+//! | `u16` | minor version: 1 if the header says 16 (below), else 0 |
 //! | `u32` | CRC-32 of the 12 bytes before |
 //!
 //! Then come records until the end of the file, the header first:
@@ -46,7 +46,7 @@
 //!
 //! | type | payload |
 //! |---|---|
-//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version |
+//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics (since 1.1) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged: `u16` pinned bones · for each: `text` name |
 //! | 2 skeleton, at most once, before the first pose | `u16` bones · for each: `text` name · `u16` parent, FFFF for a root · rest transform `parent_from_bone`: 3 `f32` translation, 4 `f32` rotation (x, y, z, w), 3 `f32` scale · 3 `f32` tail in the bone's rest frame |
 //! | 3 topology, from here on | `u16` epoch · `u16` parts, at most 4,096 · for each: 12 bytes number · `u8` kind: 1 bend, 2 twist, 3 twist-bend-twist, 4 splitter · `u8` outlets of a splitter, else 0 · `u16` parent, FFFF for the root · `u8` outlet of the parent · `u32` counts a turn |
 //! | 4 calibration, from here on, replaces the former one | `u16` parts · for each: 12 bytes number · `u8` sensors · for each: `u8` flags: 1 zeroed, 2 reversed, 4 turns about the twist axis (else bend) · `u16` count in the rest pose, 0 if not zeroed |
@@ -105,8 +105,11 @@ pub use frame::{MAGIC, MAJOR_VERSION, MAX_PAYLOAD_BYTES, MINOR_VERSION, PREAMBLE
 pub use packed_pose::PackedPose;
 pub use payload::MAX_PARTS;
 pub use reader::Take;
-pub use record::{Event, EventKind, Header, Record, RecordKind, Sample, Topology, Totals};
-pub use replay::{Difference, ReplayError, ReplaySummary, Replayed, Verification, replay, solve_again, verify};
+pub use record::{Event, EventKind, Header, InverseKinematicsHeader, Record, RecordKind, Sample, Topology, Totals};
+pub use replay::{
+    Completing, Difference, ReplayError, ReplaySummary, Replayed, Verification, replay, solve_again, verify,
+    verify_completed,
+};
 pub use report::{Problem, ReadReport, UnknownRecords};
 pub use resample::{HeldGap, ResampleError, ResampleSettings, Resampled, resample};
 pub use summary::{Summary, summarize};

@@ -5,7 +5,9 @@
 use armature_rig::{Bone, JointTree, Part, PartKind, PartUid, RawSample, SensorState, Skeleton, Transform};
 
 use crate::bytes::{Fields, NONE_U16, Put};
-use crate::{Event, EventKind, Header, PackedPose, PayloadError, Sample, Topology, Totals, WriteError};
+use crate::{
+    Event, EventKind, Header, InverseKinematicsHeader, PackedPose, PayloadError, Sample, Topology, Totals, WriteError,
+};
 
 /// Parts a topology record may hold; far beyond any puppet, and few enough to be checked in no time.
 pub const MAX_PARTS: usize = 4096;
@@ -27,6 +29,7 @@ mod header_flag {
     pub(super) const RATE: u32 = 2;
     pub(super) const SEED: u32 = 4;
     pub(super) const UNIX_MICROS: u32 = 8;
+    pub(super) const INVERSE_KINEMATICS: u32 = 16;
 }
 
 pub(crate) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), WriteError> {
@@ -35,14 +38,18 @@ pub(crate) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), Write
         set(header.virtual_clock, header_flag::VIRTUAL_CLOCK)
             | set(header.nominal_samples_per_second.is_some(), header_flag::RATE)
             | set(header.seed.is_some(), header_flag::SEED)
-            | set(header.unix_micros.is_some(), header_flag::UNIX_MICROS),
+            | set(header.unix_micros.is_some(), header_flag::UNIX_MICROS)
+            | set(header.inverse_kinematics.is_some(), header_flag::INVERSE_KINEMATICS),
     );
     out.put_f64(header.nominal_samples_per_second.unwrap_or(0.0));
     out.put_u64(header.seed.unwrap_or(0));
     out.put_u64(header.unix_micros.unwrap_or(0) as u64);
     out.extend_from_slice(&header.character_hash);
     put_text(out, "the character's name", &header.character_name)?;
-    put_text(out, "the program's version", &header.program_version)
+    put_text(out, "the program's version", &header.program_version)?;
+    let Some(ik) = &header.inverse_kinematics else { return Ok(()) };
+    put_count(out, "the pinned bones", ik.pins.len(), Skeleton::MAX_BONES)?;
+    ik.pins.iter().try_for_each(|name| put_text(out, "a pinned bone's name", name))
 }
 
 pub(crate) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadError> {
@@ -50,7 +57,7 @@ pub(crate) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadErro
     let rate = fields.f64("nominal rate")?;
     let seed = fields.u64("seed")?;
     let unix_micros = fields.u64("wall-clock time")? as i64;
-    Ok(Header {
+    let mut header = Header {
         virtual_clock: flags & header_flag::VIRTUAL_CLOCK != 0,
         nominal_samples_per_second: (flags & header_flag::RATE != 0).then_some(rate),
         seed: (flags & header_flag::SEED != 0).then_some(seed),
@@ -58,7 +65,14 @@ pub(crate) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadErro
         character_hash: fields.array("character hash")?,
         character_name: fields.text("character name")?,
         program_version: fields.text("program version")?,
-    })
+        inverse_kinematics: None,
+    };
+    if flags & header_flag::INVERSE_KINEMATICS != 0 {
+        let count = fields.u16("pinned bones")?;
+        let pins = (0..count).map(|_| fields.text("pinned bone")).collect::<Result<_, _>>()?;
+        header.inverse_kinematics = Some(InverseKinematicsHeader { pins });
+    }
+    Ok(header)
 }
 
 fn put_parent(out: &mut Vec<u8>, parent: Option<usize>) {

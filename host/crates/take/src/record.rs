@@ -103,6 +103,22 @@ pub struct Header {
     pub virtual_clock: bool,
     /// Wall-clock time of the start, microseconds since 1970-01-01 UTC, where the caller wants it recorded.
     pub unix_micros: Option<i64>,
+    /// How bones without a joint were turned; `None`: they were left in the rest pose.
+    pub inverse_kinematics: Option<InverseKinematicsHeader>,
+}
+
+/// That the character's shape decided about bones without a joint. Solving such a take again needs the character.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct InverseKinematicsHeader {
+    /// Names of the bones that were held in their place.
+    pub pins: Vec<String>,
+}
+
+impl Header {
+    /// The lowest minor version of the format that can say this.
+    pub(crate) fn minor_version(&self) -> u16 {
+        u16::from(self.inverse_kinematics.is_some())
+    }
 }
 
 /// A puppet as it is plugged together from here on.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use armature_rig::{Pose, Skeleton, SolveError, StreamSolver, Transform};
+use armature_rig::{Pose, PoseCompletion, Skeleton, SolveError, StreamSolver, Transform};
 
 use crate::packed_pose::same_bits;
 use crate::{PackedPose, Record, Sample, Take};
@@ -18,10 +18,18 @@ pub enum ReplayError {
     /// The take has no skeleton.
     #[error("the take holds no skeleton, so its samples cannot be turned into poses; record with a character")]
     NoSkeleton,
+    /// The take's poses were completed by inverse kinematics, and nobody is there who could do that again.
+    #[error(
+        "bones without a joint were turned by inverse kinematics, which needs the character's shape; give the character the take was recorded with"
+    )]
+    NeedsCharacter,
     /// The callback asked to stop.
     #[error("the replay was cancelled")]
     Cancelled,
 }
+
+/// What turns bones without a joint while a take is solved again, where there is something.
+pub type Completing<'a> = Option<&'a mut dyn PoseCompletion>;
 
 /// One record of a take as it is replayed.
 #[derive(Debug)]
@@ -53,10 +61,23 @@ pub struct ReplaySummary {
 ///
 /// Samples that cannot be solved are handed over as such and counted. The callback stops the replay with
 /// [`ControlFlow::Break`].
+///
+/// A take that was recorded with inverse kinematics needs the same `completion` again, pinned as the header says; it
+/// starts afresh. For any other take it is left aside.
 pub fn replay(
     take: &Take,
+    completion: Completing<'_>,
     each: &mut dyn FnMut(usize, Replayed<'_>) -> ControlFlow<()>,
 ) -> Result<ReplaySummary, ReplayError> {
+    let mut completion = match (&take.header().inverse_kinematics, completion) {
+        (None, _) => None,
+        (Some(_), None) => return Err(ReplayError::NeedsCharacter),
+        (Some(_), Some(completion)) => Some(completion),
+    };
+    if let Some(completion) = &mut completion {
+        completion.restart();
+    }
+    let mut completed = Pose::default();
     let mut solver = StreamSolver::new(take.skeleton().ok_or(ReplayError::NoSkeleton)?.clone());
     let mut summary = ReplaySummary::default();
     for (index, record) in take.records().iter().enumerate() {
@@ -69,7 +90,12 @@ pub fn replay(
         }
         let replayed = match record {
             Record::Sample(sample) => {
-                let pose = solver.solve(&sample.raw);
+                let solved =
+                    solver.solve(&sample.raw).map(|pose| completed.parent_from_bone.clone_from(&pose.parent_from_bone));
+                if let (Ok(()), Some(completion), Some(state)) = (&solved, &mut completion, solver.solver()) {
+                    completion.complete(state.bone_status(), &mut completed);
+                }
+                let pose = solved.map(|()| &completed);
                 match &pose {
                     Ok(_) => summary.solved += 1,
                     Err(error) => {
@@ -133,11 +159,20 @@ impl Verification {
 ///
 /// `progress` is called with the part done, 0 to 1, and stops the work with [`ControlFlow::Break`].
 pub fn verify(take: &Take, progress: &mut dyn FnMut(f32) -> ControlFlow<()>) -> Result<Verification, ReplayError> {
+    verify_completed(take, None, progress)
+}
+
+/// [`verify`] for a take that may have been recorded with inverse kinematics; see [`replay`].
+pub fn verify_completed(
+    take: &Take,
+    completion: Completing<'_>,
+    progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
+) -> Result<Verification, ReplayError> {
     let skeleton = take.skeleton().ok_or(ReplayError::NoSkeleton)?;
     let mut verification = Verification::default();
     let mut recent = Recent::default();
     let mut recorded = Pose::default();
-    let replay = replay(take, &mut |index, replayed| {
+    let replay = replay(take, completion, &mut |index, replayed| {
         match replayed {
             Replayed::Sample { sample, pose: Ok(pose) } => recent.remember(sample, pose),
             Replayed::Other(Record::Pose(packed)) => {
@@ -157,11 +192,12 @@ pub fn verify(take: &Take, progress: &mut dyn FnMut(f32) -> ControlFlow<()>) -> 
 /// `progress` is called with the part done, 0 to 1, and stops the work with [`ControlFlow::Break`].
 pub fn solve_again(
     take: &Take,
+    completion: Completing<'_>,
     progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
 ) -> Result<(Vec<PackedPose>, ReplaySummary), ReplayError> {
     let skeleton = take.skeleton().ok_or(ReplayError::NoSkeleton)?;
     let mut poses = Vec::new();
-    let summary = replay(take, &mut |index, replayed| {
+    let summary = replay(take, completion, &mut |index, replayed| {
         if let Replayed::Sample { sample, pose: Ok(pose) } = replayed {
             poses.extend(PackedPose::pack(sample.raw.sequence, sample.raw.device_micros, pose, skeleton));
         }

@@ -25,7 +25,7 @@ pub struct TakeWriter<W: io::Write> {
 impl<W: io::Write> TakeWriter<W> {
     /// Writes preamble and header.
     pub fn new(mut out: W, header: &Header) -> Result<Self, WriteError> {
-        out.write_all(&frame::preamble())?;
+        out.write_all(&frame::preamble(header.minor_version()))?;
         let totals = Totals { bytes: PREAMBLE_BYTES as u64, ..Totals::default() };
         let mut writer = Self { out, record: Vec::new(), skeleton: None, totals, cut_off: false };
         writer.write(RecordKind::Header, |payload| payload::put_header(payload, header))?;

@@ -8,8 +8,8 @@ use std::io;
 
 use armature_rig::{JointTree, Part, PartKind, PartUid, Pose};
 use armature_take::{
-    EventKind, Header, PREAMBLE_BYTES, PayloadError, Problem, Record, RecordKind, Take, TakeError, TakeWriter,
-    WriteError, summarize,
+    EventKind, Header, InverseKinematicsHeader, PREAMBLE_BYTES, PayloadError, Problem, Record, RecordKind, Take,
+    TakeError, TakeWriter, WriteError, summarize,
 };
 use proptest::prelude::*;
 use support::{
@@ -213,6 +213,19 @@ fn record_of(bytes: &[u8], offsets: &[usize], kind: RecordKind) -> (usize, usize
 }
 
 #[test]
+fn only_a_take_with_inverse_kinematics_needs_the_newer_version() {
+    let version = |ik: Option<InverseKinematicsHeader>| {
+        let header = Header { inverse_kinematics: ik, ..support::header() };
+        let bytes = TakeWriter::new(Vec::new(), &header).unwrap().finish().unwrap();
+        assert_eq!(read(&bytes).header(), &header);
+        u16::from_le_bytes([bytes[10], bytes[11]])
+    };
+    assert_eq!(version(None), 0, "as it always was, to the last byte");
+    assert_eq!(version(Some(InverseKinematicsHeader::default())), 1);
+    assert_eq!(version(Some(InverseKinematicsHeader { pins: vec!["LeftFoot".into(), "Fuß".into()] })), 1);
+}
+
+#[test]
 fn trailing_fields_in_our_own_version_are_unusable() {
     let bytes = small_take(1);
     let offsets = record_offsets(&bytes);
@@ -358,6 +371,7 @@ proptest! {
         poses in prop::collection::vec(prop::collection::vec(any_transform(), 3), 0..4),
         texts in (".{0,20}", ".{0,20}"),
         numbers in (prop::option::of(0.0..1e6), prop::option::of(any::<u64>()), any::<bool>(), prop::option::of(any::<i64>())),
+        pins in prop::option::of(prop::collection::vec(".{0,20}", 0..3)),
     ) {
         let header = Header {
             program_version: texts.0,
@@ -367,6 +381,7 @@ proptest! {
             seed: numbers.1,
             virtual_clock: numbers.2,
             unix_micros: numbers.3,
+            inverse_kinematics: pins.map(|pins| InverseKinematicsHeader { pins }),
         };
         let mut writer = TakeWriter::new(Vec::new(), &header).unwrap();
         writer.skeleton(&arm()).unwrap();

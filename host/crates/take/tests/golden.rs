@@ -27,6 +27,7 @@ fn header() -> Header {
         seed: Some(0x0123_4567_89AB_CDEF),
         virtual_clock: true,
         unix_micros: Some(-1),
+        inverse_kinematics: None,
     }
 }
 

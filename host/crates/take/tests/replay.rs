@@ -125,7 +125,7 @@ proptest! {
         prop_assert_eq!(verification.different + verification.without_sample, 0);
         prop_assert_eq!(verification.replay.unsolved, studio.unsolved);
         prop_assert_eq!(verification.is_exact(), poses > 0);
-        let (again, summary) = solve_again(&take, &mut go_on).unwrap();
+        let (again, summary) = solve_again(&take, None, &mut go_on).unwrap();
         prop_assert_eq!(summary.solved, poses);
         prop_assert!(take.poses().eq(again.iter()));
     }
@@ -196,7 +196,7 @@ fn samples_without_a_pose_are_counted_with_the_reason() {
     writer.sample(&raw(5, 5), None).unwrap();
     let take = read(&writer.finish().unwrap());
     let mut reasons = Vec::new();
-    let summary = replay(&take, &mut |_, replayed| {
+    let summary = replay(&take, None, &mut |_, replayed| {
         if let armature_take::Replayed::Sample { pose, .. } = replayed {
             reasons.push(pose.err());
         }

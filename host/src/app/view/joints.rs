@@ -30,7 +30,13 @@ pub(super) fn show(ui: &mut Ui, state: &State, list: &mut JointList, actions: &m
         widgets::caption(ui, "JOINTS");
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let text = format!("{joints} joints, {} sensors", tree.sensor_count());
-            ui.label(RichText::new(text).size(11.5).color(theme::QUIET));
+            let told = ui.label(RichText::new(text).size(11.5).color(theme::QUIET));
+            let solved = state.solved.iter().filter(|solved| **solved).count();
+            if solved > 0 {
+                told.on_hover_text(format!(
+                    "{solved} bones without a joint are found from the shape (blue in the picture)"
+                ));
+            }
         });
     });
     if let Some(part) = state.selected.filter(|&part| part < tree.parts().len()) {

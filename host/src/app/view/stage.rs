@@ -111,6 +111,8 @@ impl Stage {
                     Some(SensorState::MagnetWeak) => [0.96, 0.72, 0.29, 0.60],
                     Some(SensorState::Outlier) => [0.74, 0.51, 1.0, 0.60],
                     Some(SensorState::NoData) => [0.55, 0.58, 0.64, 0.45],
+                    // Found from the shape: neither measured nor left alone.
+                    None if state.is_solved(bone) => [0.42, 0.68, 1.0, 0.50],
                     None => [0.62, 0.66, 0.74, 0.26],
                 }
             };

@@ -18,6 +18,7 @@ pub(crate) fn header() -> Header {
         seed: Some(7),
         virtual_clock: true,
         unix_micros: None,
+        inverse_kinematics: None,
     }
 }
 

@@ -1,0 +1,170 @@
+//! A human posed by a few of its bones.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::ops::ControlFlow;
+use std::sync::LazyLock;
+
+use armature_character::{BoneRole, Character, IkError, InverseKinematics, PinnedBone, human};
+use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, Skeleton};
+use glam::{Affine3A, Quat, Vec3};
+
+static HUMAN: LazyLock<Character> = LazyLock::new(|| human().unwrap());
+const DRIVEN: [&str; 8] = [
+    "UpperChest",
+    "Head",
+    "LeftUpperArm",
+    "RightUpperArm",
+    "LeftLowerArm",
+    "RightLowerArm",
+    "LeftUpperLeg",
+    "RightUpperLeg",
+];
+
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is handed to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn pins(names: &[&str]) -> Vec<PinnedBone> {
+    names.iter().map(|name| name.parse().unwrap()).collect()
+}
+
+fn status(skeleton: &Skeleton) -> Vec<BoneStatus> {
+    let of = |name: &str| BoneStatus {
+        quality: if DRIVEN.contains(&name) { BoneQuality::Live } else { BoneQuality::Unmapped },
+        held_samples: 0,
+    };
+    skeleton.bones().iter().map(|bone| of(&bone.name)).collect()
+}
+
+/// The puppet on its way from rest through `size` of a bend of all its joints.
+fn puppet_pose(skeleton: &Skeleton, size: f32) -> Pose {
+    let mut pose = skeleton.rest_pose();
+    for (number, name) in DRIVEN.into_iter().enumerate() {
+        let bone = skeleton.find(name).unwrap();
+        let axis = Vec3::new((number as f32).sin(), (3.0 * number as f32).cos(), 0.5).normalize();
+        pose.parent_from_bone[bone].rotation *= Quat::from_axis_angle(axis, 0.8 * size);
+    }
+    pose
+}
+
+fn frames(skeleton: &Skeleton, pose: &Pose) -> Vec<Affine3A> {
+    let mut frames = vec![Affine3A::IDENTITY; skeleton.len()];
+    pose.forward_kinematics(skeleton, &mut frames);
+    frames
+}
+
+fn turn(frame: &Affine3A) -> Quat {
+    frame.to_scale_rotation_translation().1
+}
+
+#[test]
+fn who_does_what_in_a_human_of_eight_joints() {
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap();
+    let mut pose = HUMAN.skeleton.rest_pose();
+    ik.complete(&status(&HUMAN.skeleton), &mut pose);
+    let role = |name: &str| ik.roles()[HUMAN.skeleton.find(name).unwrap()];
+    assert_eq!(role("Hips"), BoneRole::Held);
+    for name in ["Spine", "Chest", "Neck", "LeftShoulder", "RightShoulder"] {
+        assert_eq!(role(name), BoneRole::Solved, "{name}");
+    }
+    for name in ["LeftHand", "RightIndexProximal", "LeftLowerLeg", "RightToes"] {
+        assert_eq!(role(name), BoneRole::Follows, "{name}");
+    }
+    assert!(DRIVEN.iter().all(|name| role(name) == BoneRole::Driven));
+    let rest = frames(&HUMAN.skeleton, &HUMAN.skeleton.rest_pose());
+    for (is, was) in frames(&HUMAN.skeleton, &pose).iter().zip(rest) {
+        assert!(is.abs_diff_eq(was, 2e-3), "at rest nothing moves: {is} {was}");
+    }
+}
+
+#[test]
+fn driven_bones_turn_exactly_and_bones_keep_their_lengths() {
+    for pinned in [&[][..], &["LeftFoot", "RightFoot"], &["LeftHand"]] {
+        let skeleton = &HUMAN.skeleton;
+        let mut ik = InverseKinematics::new(&HUMAN, &pins(pinned)).unwrap();
+        let status = status(skeleton);
+        let rest = frames(skeleton, &skeleton.rest_pose());
+        for step in 0..40 {
+            let plain = puppet_pose(skeleton, 0.025 * step as f32);
+            let mut pose = plain.clone();
+            ik.complete(&status, &mut pose);
+            let (is, was) = (frames(skeleton, &pose), frames(skeleton, &plain));
+            for name in DRIVEN {
+                let bone = skeleton.find(name).unwrap();
+                assert!(turn(&is[bone]).dot(turn(&was[bone])).abs() > 1.0 - 1e-6, "{pinned:?} {name}");
+            }
+            for (index, (local, bone)) in pose.parent_from_bone.iter().zip(skeleton.bones()).enumerate() {
+                assert!(local.is_finite() && local.rotation.is_normalized());
+                assert!(index == 0 || local.translation == bone.rest.translation);
+            }
+            for name in pinned {
+                let bone = skeleton.find(name).unwrap();
+                let slid = is[bone].translation.distance(rest[bone].translation);
+                assert!((slid - ik.worst_pin()).abs() < 1e-2 && slid < 0.02, "{name} slid by {slid} in step {step}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_restart_forgets_and_a_frame_allocates_nothing() {
+    let skeleton = &HUMAN.skeleton;
+    let status = status(skeleton);
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&["LeftFoot", "RightFoot"])).unwrap();
+    let mut pose = skeleton.rest_pose();
+    let mut run = |ik: &mut InverseKinematics| -> Vec<Pose> {
+        let poses = (0..30).map(|step| {
+            pose = puppet_pose(skeleton, 0.03 * step as f32);
+            let before = ALLOCATIONS.with(Cell::get);
+            ik.complete(&status, &mut pose);
+            let made = ALLOCATIONS.with(Cell::get) - before;
+            assert!(made == 0 || step == 0, "{made} allocations in step {step}");
+            pose.clone()
+        });
+        poses.collect()
+    };
+    let first = run(&mut ik);
+    ik.restart();
+    let second = run(&mut ik);
+    assert_eq!(first, second);
+    let mut fresh = InverseKinematics::new(&HUMAN, &pins(&["LeftFoot", "RightFoot"])).unwrap();
+    assert_eq!(first, run(&mut fresh));
+}
+
+#[test]
+fn unknown_pins_are_named() {
+    let wrong = InverseKinematics::new(&HUMAN, &pins(&["leftfoot"])).unwrap_err();
+    assert_eq!(wrong, IkError::UnknownPin { name: "leftfoot".into(), nearest: Some("LeftFoot".into()) });
+    assert!(wrong.to_string().contains("did you mean \"LeftFoot\"?"));
+}
+
+#[test]
+fn preparing_can_be_cancelled() {
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap();
+    let driven: Vec<bool> = HUMAN.skeleton.bones().iter().map(|b| DRIVEN.contains(&b.name.as_str())).collect();
+    assert!(ik.drive(&driven, &mut |_| ControlFlow::Break(())).is_err());
+    assert!(!ik.is_needed() && ik.problem().is_some());
+    let mut pose = puppet_pose(&HUMAN.skeleton, 1.0);
+    ik.complete(&status(&HUMAN.skeleton), &mut pose);
+    assert_eq!(pose, puppet_pose(&HUMAN.skeleton, 1.0), "what cannot be solved is left as the joints made it");
+}
