@@ -3,8 +3,8 @@
 //! The wire contract between a puppet and its host, version 1.0: byte stream → frames → messages.
 //!
 //! This page is all that is needed to implement either side, in any language: the frames are described here, the
-//! messages in one table in [`messages`], and `golden.txt` beside this crate holds the bytes of each. The Rust code
-//! needs no operating system and no heap.
+//! messages in one table in [`messages`], what carries the bytes (serial, TCP, USB bulk, HID) in [`carriers`], and
+//! `golden.txt` beside this crate holds the bytes of each message. The Rust code needs no operating system and no heap.
 //!
 //! # Frames
 //!
@@ -140,6 +140,7 @@
 //! On a microcontroller take the crate with `default-features = false`: the checksum then uses 64 bytes of table in
 //! place of 16 KiB.
 
+pub mod carriers;
 mod checksum;
 mod decoder;
 mod diagnosis;

@@ -130,8 +130,9 @@ pub struct VolumeArgs {
 /// `armature run`
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The puppet: sim:human, sim:human8, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD], tcp:HOST:PORT, or an arm of servos:
-    /// feetech:PATH[@BAUD], dynamixel:PATH[@BAUD]
+    /// The puppet: sim:human, sim:human8, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD],
+    /// usb:VID:PID[,SERIAL], hid:VID:PID[,SERIAL], tcp:HOST:PORT, or an arm of servos: feetech:PATH[@BAUD],
+    /// dynamixel:PATH[@BAUD]
     #[arg(short, long, default_value = "sim:human")]
     pub device: String,
     /// Which arm of servos: so101-leader, koch-leader, gello, gello-franka
@@ -294,6 +295,17 @@ pub struct BenchArgs {
     /// Where to draw the times of `volume/growth` against the size
     #[arg(long, value_name = "SVG")]
     pub plot: Option<PathBuf>,
+}
+
+/// `armature devices`
+#[derive(Debug, Default, Args)]
+pub struct DevicesArgs {
+    /// Go on looking, and tell what is plugged in and out (Ctrl-C ends)
+    #[arg(long)]
+    pub watch: bool,
+    /// Watch for so long
+    #[arg(long, value_name = "SECONDS", requires = "watch")]
+    pub seconds: Option<f64>,
 }
 
 /// `armature sim`

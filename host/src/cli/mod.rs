@@ -8,8 +8,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::cli::args::{
-    BenchArgs, BindArgs, CalibrateArgs, DemoArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs, VolumeArgs,
-    WindowArgs,
+    BenchArgs, BindArgs, CalibrateArgs, DemoArgs, DevicesArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs,
+    VolumeArgs, WindowArgs,
 };
 use crate::commands;
 use crate::failure::Failure;
@@ -48,8 +48,8 @@ pub struct Cli {
 enum Command {
     /// The whole way once: a simulated human on a real serial line moves a character, and the take is exported
     Demo(DemoArgs),
-    /// List the puppets and serial ports that are plugged in
-    Devices,
+    /// List the puppets and serial ports that are plugged in, or watch them come and go
+    Devices(DevicesArgs),
     /// Diagnose a mesh, skeleton, motion, character or take file
     Inspect(InspectArgs),
     /// Bind a mesh to a skeleton: compute its skinning weights and save the character
@@ -95,7 +95,7 @@ pub fn main() -> ExitCode {
 fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
     match command.unwrap_or_else(|| Command::Window(WindowArgs::default())) {
         Command::Demo(args) => commands::demo(&args, talk),
-        Command::Devices => commands::devices(),
+        Command::Devices(args) => commands::devices(&args),
         Command::Inspect(args) => commands::inspect(&args),
         Command::Bind(args) => commands::bind(&args, talk),
         Command::Volume(args) => commands::volume(&args, talk),

@@ -27,7 +27,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Connects to `sim:…`, `serial:…`, `feetech:…`, `dynamixel:…` or `tcp:…`.
+    /// Connects to `sim:…`, `serial:…`, `usb:…`, `hid:…`, `feetech:…`, `dynamixel:…` or `tcp:…`.
     pub fn connect(device: &str, simulated: &SimulatedArgs) -> Result<Self, Failure> {
         Self::connect_with(device, simulated, ServoSettings::default())
     }

@@ -213,10 +213,13 @@ impl Show {
     }
 
     fn list_devices(&self) -> Result<(), Failure> {
-        let ports = armature_device::list_serial_ports().map_err(|e| Failure::device(e.to_string(), ""))?;
-        let found = ports.into_iter().map(|port| {
-            let product = port.usb.and_then(|usb| usb.product);
-            FoundDevice { address: port.address.to_string(), label: product.unwrap_or_else(|| "serial port".into()) }
+        let plugged = armature_device::list_devices();
+        if let Some(problem) = plugged.problems.first().filter(|_| plugged.devices.is_empty()) {
+            return Err(Failure::device(problem.to_string(), ""));
+        }
+        let found = plugged.devices.into_iter().map(|device| {
+            let product = device.usb.and_then(|usb| usb.product);
+            FoundDevice { address: device.address.to_string(), label: product.unwrap_or_else(|| "serial port".into()) }
         });
         self.link.send(EngineEvent::Devices(found.collect()));
         Ok(())

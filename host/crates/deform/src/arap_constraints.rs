@@ -2,7 +2,7 @@
 //! rest (thesis eqs. 7.3 and 7.19).
 
 use crate::arap_reduction::Reduction;
-use crate::dense::{Dense, eliminate, pivoted_cholesky};
+use crate::dense::{Dense, Elimination, PivotedCholesky, eliminate, pivoted_cholesky};
 use crate::nearest_rotation::LANES;
 use crate::reduced_arap::{Anchor, ArapError, HandleConstraint, homogeneous};
 
@@ -64,13 +64,14 @@ impl System {
         let (known, open): (Vec<usize>, Vec<usize>) = (0..rows).partition(|&row| is_known(row));
         let mut system = Self { constraints: constraints.to_vec(), known, open, ..Self::default() };
         system.gather_equations(reduction, anchors);
-        let mut inverse = system.invert(reduction);
-        if inverse.undecided.rows > 0 {
-            system.undetermined = inverse.undecided.rows;
-            system.hold_at_rest(reduction, &inverse.undecided);
-            inverse = system.invert(reduction);
+        let mut factored = system.factor(reduction);
+        let undecided = factored.factor.null_space().times(&factored.split.open);
+        if undecided.rows > 0 {
+            system.undetermined = undecided.rows;
+            system.hold_at_rest(reduction, &undecided);
+            factored = system.factor(reduction);
         }
-        system.collapse(reduction, &inverse);
+        system.collapse(reduction, &factored);
         Ok(system)
     }
 
@@ -105,14 +106,12 @@ impl System {
         }
     }
 
-    fn invert(&self, reduction: &Reduction) -> Inverse {
+    fn factor(&self, reduction: &Reduction) -> Factored {
         let split = eliminate(&self.equations.select(&(0..self.equations.rows).collect::<Vec<_>>(), &self.open));
         let stiffness = reduction.stiffness.select(&self.open, &self.open);
         let within = split.open.times(&stiffness).times(&split.open.transpose());
         let factor = pivoted_cholesky(&within, UNDECIDED, ROUNDING * reduction.largest_stiffness());
-        let undecided = factor.null_space().times(&split.open);
-        let permuted = split.open.select(&factor.order, &(0..self.open.len()).collect::<Vec<_>>());
-        Inverse { particular: split.particular, whitened: factor.solve_lower(&permuted), undecided }
+        Factored { split, factor }
     }
 
     /// One more equation for each motion that nothing decides: that it stays where it is closest to rest.
@@ -133,8 +132,12 @@ impl System {
         }
     }
 
-    fn collapse(&mut self, reduction: &Reduction, inverse: &Inverse) {
-        let Inverse { particular, whitened, .. } = inverse;
+    fn collapse(&mut self, reduction: &Reduction, factored: &Factored) {
+        let Factored { split, factor } = factored;
+        let particular = &split.particular;
+        // H^-½ Z: its transpose times itself is the inverse Π of what the equations leave open.
+        let permuted = split.open.select(&factor.order, &(0..self.open.len()).collect::<Vec<_>>());
+        let whitened = &factor.solve_lower(&permuted);
         let all_clusters: Vec<usize> = (0..reduction.covariance.rows).collect();
         let covariance = reduction.covariance.select(&all_clusters, &self.open);
         let half = whitened.times(&covariance.transpose());
@@ -155,13 +158,10 @@ impl System {
     }
 }
 
-struct Inverse {
-    /// open×c.
-    particular: Dense,
-    /// `H^-½ Z`: its transpose times itself is the inverse `Π` of what the equations leave open.
-    whitened: Dense,
-    /// Motions without stiffness, row by row.
-    undecided: Dense,
+struct Factored {
+    split: Elimination,
+    /// Of the stiffness `H` within what the equations leave open.
+    factor: PivotedCholesky,
 }
 
 fn pack(product: &Dense, cluster_count: usize) -> Vec<[[f32; LANES]; 3]> {

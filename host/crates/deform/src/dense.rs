@@ -38,13 +38,22 @@ impl Dense {
 
     /// The given rows and columns, in the given order.
     pub(crate) fn select(&self, rows: &[usize], columns: &[usize]) -> Self {
-        let data = rows.iter().flat_map(|&r| columns.iter().map(move |&c| self.at(r, c))).collect();
-        Self { rows: rows.len(), columns: columns.len(), data }
+        let mut out = Self::zeros(rows.len(), columns.len());
+        for (to, &row) in out.data.chunks_exact_mut(columns.len().max(1)).zip(rows) {
+            let from = self.row(row);
+            to.iter_mut().zip(columns).for_each(|(to, &column)| *to = from[column]);
+        }
+        out
     }
 
     pub(crate) fn transpose(&self) -> Self {
-        let data = (0..self.columns).flat_map(|c| (0..self.rows).map(move |r| self.at(r, c))).collect();
-        Self { rows: self.columns, columns: self.rows, data }
+        let mut out = Self::zeros(self.columns, self.rows);
+        for (column, row) in self.data.chunks_exact(self.columns.max(1)).enumerate() {
+            for (entry, to) in row.iter().zip(out.data[column..].iter_mut().step_by(self.rows)) {
+                *to = *entry;
+            }
+        }
+        out
     }
 
     /// `self · other`.
@@ -70,20 +79,48 @@ impl Kernel for Product<'_> {
         if inner == 0 || width == 0 {
             return;
         }
-        for (a, out) in self.a.data.chunks_exact(inner).zip(self.out.data.chunks_exact_mut(width)) {
-            let fours = inner / 4 * 4;
-            for k in (0..fours).step_by(4) {
-                let b = &self.b.data[k * width..(k + 4) * width];
-                let (b0, rest) = b.split_at(width);
-                let (b1, rest) = rest.split_at(width);
-                let (b2, b3) = rest.split_at(width);
-                for c in 0..width {
-                    out[c] += (a[k] * b0[c] + a[k + 1] * b1[c]) + (a[k + 2] * b2[c] + a[k + 3] * b3[c]);
-                }
+        let tiles = width / TILE[1] * TILE[1];
+        let mut a = self.a.data.chunks_exact(TILE[0] * inner);
+        let mut out = self.out.data.chunks_exact_mut(TILE[0] * width);
+        for (a, out) in a.by_ref().zip(out.by_ref()) {
+            for first in (0..tiles).step_by(TILE[1]) {
+                multiply_tile(a, &self.b.data, first, inner, width, out);
             }
-            for k in fours..inner {
-                add_multiple(out, a[k], &self.b.data[k * width..(k + 1) * width]);
-            }
+            multiply_rest(a, &self.b.data, tiles, inner, width, out);
+        }
+        multiply_rest(a.remainder(), &self.b.data, 0, inner, width, out.into_remainder());
+    }
+}
+
+/// Rows and columns of a product that stay in registers while the sums run.
+const TILE: [usize; 2] = [4, 8];
+
+#[inline(always)]
+fn multiply_tile(a: &[f64], b: &[f64], first: usize, inner: usize, width: usize, out: &mut [f64]) {
+    let (mut s0, mut s1, mut s2, mut s3) = ([0.0; 8], [0.0; 8], [0.0; 8], [0.0; 8]);
+    let (a01, a23) = a.split_at(2 * inner);
+    let ((a0, a1), (a2, a3)) = (a01.split_at(inner), a23.split_at(inner));
+    let rows = a0.iter().zip(a1).zip(a2).zip(a3).zip(b.chunks_exact(width));
+    for ((((a0, a1), a2), a3), b) in rows {
+        let Some(b) = b[first..].first_chunk::<8>() else { return };
+        for c in 0..8 {
+            s0[c] += a0 * b[c];
+            s1[c] += a1 * b[c];
+            s2[c] += a2 * b[c];
+            s3[c] += a3 * b[c];
+        }
+    }
+    for (sums, out) in [s0, s1, s2, s3].iter().zip(out.chunks_exact_mut(width)) {
+        out[first..first + TILE[1]].copy_from_slice(sums);
+    }
+}
+
+/// What tiles leave: columns from `first` on.
+#[inline(always)]
+fn multiply_rest(a: &[f64], b: &[f64], first: usize, inner: usize, width: usize, out: &mut [f64]) {
+    for (a, out) in a.chunks_exact(inner).zip(out.chunks_exact_mut(width)) {
+        for (factor, b) in a.iter().zip(b.chunks_exact(width)) {
+            add_multiple(&mut out[first..], *factor, &b[first..]);
         }
     }
 }

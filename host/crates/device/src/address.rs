@@ -1,10 +1,11 @@
-//! Where a device is: `serial:PATH[@BAUD]`, `feetech:PATH[@BAUD][,ARM]`, `dynamixel:PATH[@BAUD][,ARM]`, `tcp:HOST:PORT`
-//! or `sim:NAME`.
+//! Where a device is: `serial:PATH[@BAUD]`, `feetech:PATH[@BAUD][,ARM]`, `dynamixel:PATH[@BAUD][,ARM]`,
+//! `usb:VID:PID[,SERIAL]`, `hid:VID:PID[,SERIAL]`, `hid:PATH`, `tcp:HOST:PORT` or `sim:NAME`.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::servo::ServoProtocol;
+use crate::{NoUsbId, UsbId};
 
 /// The line speed taken when an address names none, bits a second; USB devices ignore it.
 pub const DEFAULT_BAUD: u32 = 3_000_000;
@@ -39,6 +40,10 @@ pub enum DeviceAddress {
         /// Which arm, by the name of its preset; without it, the first one there is for this bus.
         arm: Option<String>,
     },
+    /// A puppet on USB bulk.
+    Usb(UsbId),
+    /// A puppet on HID.
+    Hid(HidPlace),
     /// A device behind a TCP port.
     Tcp {
         /// Host name or address.
@@ -53,14 +58,23 @@ pub enum DeviceAddress {
     },
 }
 
+/// Which HID device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HidPlace {
+    /// By its numbers, wherever it is plugged in.
+    Id(UsbId),
+    /// By what the operating system calls it now (`/dev/hidraw0`).
+    Path(String),
+}
+
 /// Why a text is no device address.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AddressError {
-    /// No `serial:`, `tcp:` or `sim:` in front.
+    /// None of the kinds of address in front.
     #[error(
         "`{given}` is no device address; give serial:PATH[@BAUD], feetech:PATH[@BAUD][,ARM], \
-         dynamixel:PATH[@BAUD][,ARM], tcp:HOST:PORT or sim:NAME, for example serial:/dev/ttyACM0, \
-         feetech:/dev/ttyACM0,so101-leader, tcp:localhost:7700 or sim:human"
+         dynamixel:PATH[@BAUD][,ARM], usb:VID:PID[,SERIAL], hid:VID:PID[,SERIAL], tcp:HOST:PORT or sim:NAME, for example \
+         serial:/dev/ttyACM0, feetech:/dev/ttyACM0,so101-leader, usb:1209:0001, tcp:localhost:7700 or sim:human"
     )]
     UnknownKind {
         /// The text.
@@ -81,6 +95,14 @@ pub enum AddressError {
         /// The text behind the `@`.
         given: String,
     },
+    /// `usb:` or `hid:` without the numbers of a device.
+    #[error("`{given}` names no device ({problem}); `armature devices` lists them")]
+    BadUsb {
+        /// The whole address.
+        given: String,
+        /// Why not.
+        problem: NoUsbId,
+    },
     /// `tcp:` without host or without port.
     #[error("tcp: needs a host and a port, for example tcp:localhost:7700; found `{given}`")]
     BadTcp {
@@ -100,6 +122,8 @@ impl FromStr for DeviceAddress {
             Some(("serial", rest)) => parse_serial(rest),
             Some(("feetech", rest)) => parse_servos(ServoProtocol::Feetech, rest),
             Some(("dynamixel", rest)) => parse_servos(ServoProtocol::Dynamixel, rest),
+            Some(("usb", rest)) => parse_usb_id(text, rest).map(Self::Usb),
+            Some(("hid", rest)) => parse_hid(text, rest).map(Self::Hid),
             Some(("tcp", rest)) => parse_tcp(rest),
             Some(("sim", "")) => Err(AddressError::NoSimName),
             Some(("sim", name)) => Ok(Self::Sim { name: name.to_owned() }),
@@ -138,6 +162,19 @@ fn parse_port(rest: &str) -> Result<(String, Option<u32>), AddressError> {
     Ok((path.to_owned(), baud))
 }
 
+fn parse_usb_id(given: &str, rest: &str) -> Result<UsbId, AddressError> {
+    rest.parse().map_err(|problem| AddressError::BadUsb { given: given.to_owned(), problem })
+}
+
+/// A path has a slash or a backslash, numbers have none.
+fn parse_hid(given: &str, rest: &str) -> Result<HidPlace, AddressError> {
+    match parse_usb_id(given, rest) {
+        Ok(id) => Ok(HidPlace::Id(id)),
+        Err(_) if rest.contains(['/', '\\']) => Ok(HidPlace::Path(rest.to_owned())),
+        Err(problem) => Err(problem),
+    }
+}
+
 /// The host may be an IPv6 address in brackets.
 fn parse_tcp(rest: &str) -> Result<DeviceAddress, AddressError> {
     let bad = || AddressError::BadTcp { given: rest.to_owned() };
@@ -159,6 +196,9 @@ impl fmt::Display for DeviceAddress {
                 baud.map_or(Ok(()), |baud| write!(f, "@{baud}"))?;
                 arm.as_ref().map_or(Ok(()), |arm| write!(f, ",{arm}"))
             }
+            Self::Usb(id) => write!(f, "usb:{id}"),
+            Self::Hid(HidPlace::Id(id)) => write!(f, "hid:{id}"),
+            Self::Hid(HidPlace::Path(path)) => write!(f, "hid:{path}"),
             Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp:[{host}]:{port}"),
             Self::Tcp { host, port } => write!(f, "tcp:{host}:{port}"),
             Self::Sim { name } => write!(f, "sim:{name}"),
@@ -176,6 +216,10 @@ mod tests {
 
     fn servos(protocol: ServoProtocol, path: &str, baud: Option<u32>, arm: Option<&str>) -> DeviceAddress {
         DeviceAddress::Servos { protocol, path: path.into(), baud, arm: arm.map(str::to_owned) }
+    }
+
+    fn usb_id(vendor_id: u16, product_id: u16, serial_number: Option<&str>) -> UsbId {
+        UsbId { vendor_id, product_id, serial_number: serial_number.map(str::to_owned) }
     }
 
     fn tcp(host: &str, port: u16) -> DeviceAddress {
@@ -198,6 +242,10 @@ mod tests {
                 "dynamixel:/dev/a,b@c/0@57600,gello",
                 servos(ServoProtocol::Dynamixel, "/dev/a,b@c/0", Some(57_600), Some("gello")),
             ),
+            ("usb:1209:0001", DeviceAddress::Usb(usb_id(0x1209, 1, None))),
+            ("usb:1209:0001,A,7", DeviceAddress::Usb(usb_id(0x1209, 1, Some("A,7")))),
+            ("hid:feed:beef,/dev", DeviceAddress::Hid(HidPlace::Id(usb_id(0xFEED, 0xBEEF, Some("/dev"))))),
+            ("hid:/dev/hidraw3", DeviceAddress::Hid(HidPlace::Path("/dev/hidraw3".into()))),
             ("tcp:localhost:7700", tcp("localhost", 7_700)),
             ("tcp:[::1]:7700", tcp("::1", 7_700)),
             ("sim:human", DeviceAddress::Sim { name: "human".into() }),
@@ -214,6 +262,11 @@ mod tests {
             "",
             "/dev/ttyACM0",
             "usb:1",
+            "usb:12345:1",
+            "usb:+123:1",
+            "usb::",
+            "hid:",
+            "hid:hidraw0",
             "serial:",
             "serial:@9600",
             "serial:x@",
@@ -228,7 +281,10 @@ mod tests {
         {
             let error = text.parse::<DeviceAddress>().expect_err(text);
             let message = error.to_string();
-            assert!(["serial:", "tcp:", "sim:"].iter().any(|kind| message.contains(kind)), "{text}: {message}");
+            assert!(
+                ["serial:", "tcp:", "sim:", "1209:0001"].iter().any(|kind| message.contains(kind)),
+                "{text}: {message}"
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What can be wrong with a device, in words that say what to do.
 
 use crate::topology::TopologyProblem;
-use crate::{RefusalReason, RequestKind};
+use crate::{RefusalReason, RequestKind, UsbDescription, UsbId};
 
 /// What is wrong with the device or the way to it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -93,7 +93,9 @@ pub enum DeviceProblem {
         reason: String,
     },
     /// Someone else has the port.
-    #[error("{port} is in use by another program: close it (a serial monitor, another Armature) and try again")]
+    #[error(
+        "{port} is in use: close what uses it (a serial monitor, another Armature, a driver of its own) and try again"
+    )]
     PortBusy {
         /// The port.
         port: String,
@@ -111,6 +113,36 @@ pub enum DeviceProblem {
         port: String,
         /// The group that may use it.
         group: Option<String>,
+    },
+    /// The device on USB may not be opened.
+    #[error("{port} may not be opened by this user{}", usb_permission_remedy(node))]
+    UsbPermissionDenied {
+        /// The address.
+        port: String,
+        /// The file that stands for the device, where there is one.
+        node: String,
+    },
+    /// What was named is there, and is something else.
+    #[error("{port} cannot be used as a puppet: {reason}")]
+    NotAPuppet {
+        /// The address.
+        port: String,
+        /// What tells.
+        reason: String,
+    },
+    /// More than one device has that name.
+    #[error("{port} is the name of several devices, and none is taken at random; name one of {names}")]
+    SeveralDevices {
+        /// The address.
+        port: String,
+        /// Addresses or places that tell them apart.
+        names: String,
+    },
+    /// The operating system does not tell its USB devices.
+    #[error("the USB devices of this machine cannot be listed ({reason})")]
+    UsbUnavailable {
+        /// What it said.
+        reason: String,
     },
     /// After the line was lost, another device was found at it.
     #[error(
@@ -170,6 +202,24 @@ pub enum DeviceProblem {
         /// Its name.
         name: String,
     },
+}
+
+impl DeviceProblem {
+    /// Several devices, each with where it is.
+    pub(crate) fn several<'a>(port: String, devices: impl Iterator<Item = (&'a UsbDescription, String)>) -> Self {
+        let name = |(usb, place)| format!("{} ({place})", UsbId::of(usb));
+        Self::SeveralDevices { port, names: devices.map(name).collect::<Vec<_>>().join(", ") }
+    }
+}
+
+fn usb_permission_remedy(node: &str) -> String {
+    if !cfg!(target_os = "linux") {
+        return String::new();
+    }
+    format!(
+        " ({node} belongs to others): copy host/crates/device/udev/70-armature.rules to /etc/udev/rules.d, reload the \
+         rules (`sudo udevadm control --reload`) and plug the device in again"
+    )
 }
 
 /// Where one cannot simply join a group, a rule for the device manager does.

@@ -1,16 +1,19 @@
-//! The lines that carry the bytes: serial ports, TCP, memory. One small trait, and everything above it the same.
+//! The lines that carry the bytes: serial ports, USB bulk, HID, TCP, memory. One small trait, and everything above it the same.
 
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::io::{AsyncRead, AsyncWrite, DuplexStream};
 use tokio::net::TcpStream;
 use tokio_serial::{ErrorKind, SerialPort, SerialStream};
 
-use crate::{DeviceAddress, DeviceProblem};
+use crate::bridge::{BlockingRead, BlockingWrite, Bridge, READ_PATIENCE};
+use crate::{DeviceAddress, DeviceProblem, hid, usb_bulk};
 
 /// Time a network device has to accept a connection.
 const TCP_PATIENCE: Duration = Duration::from_secs(5);
+/// Time a device has to be released by whoever has it.
+const RELEASE_PATIENCE: Duration = Duration::from_millis(250);
 /// The speed at which a line to servos is opened; the session goes on from there.
 const FIRST_SERVO_BAUD: u32 = 1_000_000;
 /// Bytes each way of a line in memory; about 250 samples of 96 sensors.
@@ -46,6 +49,14 @@ pub async fn open(address: &DeviceAddress) -> Result<Box<dyn Transport>, DeviceP
     match address {
         DeviceAddress::Serial { path, baud } => Ok(Box::new(open_serial(path, *baud)?)),
         DeviceAddress::Servos { path, baud, .. } => Ok(Box::new(open_serial(path, baud.unwrap_or(FIRST_SERVO_BAUD))?)),
+        DeviceAddress::Usb(id) => {
+            let id = id.clone();
+            bridged(move || usb_bulk::open(&id)).await
+        }
+        DeviceAddress::Hid(place) => {
+            let place = place.clone();
+            bridged(move || hid::open(&place)).await
+        }
         DeviceAddress::Tcp { host, port } => Ok(Box::new(open_tcp(host, *port).await?)),
         DeviceAddress::Sim { name } => Err(DeviceProblem::SimulatedHere { name: name.clone() }),
     }
@@ -54,6 +65,28 @@ pub async fn open(address: &DeviceAddress) -> Result<Box<dyn Transport>, DeviceP
 /// A line in memory: what is written to one end is read from the other. Dropping an end closes it.
 pub fn memory() -> (DuplexStream, DuplexStream) {
     tokio::io::duplex(MEMORY_CAPACITY)
+}
+
+/// Opens a device through a library that blocks. A line that this program has just given up may hold the device for
+/// another moment.
+async fn bridged<R: BlockingRead, W: BlockingWrite>(
+    open: impl Fn() -> Result<(R, W), DeviceProblem> + Clone + Send + 'static,
+) -> Result<Box<dyn Transport>, DeviceProblem> {
+    let broken = |reason: String| DeviceProblem::UsbUnavailable { reason };
+    let began = Instant::now();
+    loop {
+        let attempt = tokio::task::spawn_blocking(open.clone()).await.map_err(|error| broken(error.to_string()))?;
+        match attempt {
+            Ok((reader, writer)) => {
+                let bridge = Bridge::start(reader, writer).map_err(|error| broken(error.to_string()))?;
+                return Ok(Box::new(bridge));
+            }
+            Err(DeviceProblem::PortBusy { .. }) if began.elapsed() < RELEASE_PATIENCE => {
+                tokio::time::sleep(READ_PATIENCE).await;
+            }
+            Err(problem) => return Err(problem),
+        }
+    }
 }
 
 fn open_serial(path: &str, baud: u32) -> Result<SerialStream, DeviceProblem> {

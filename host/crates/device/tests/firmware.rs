@@ -1,6 +1,7 @@
 //! The session against firmware in C on an emulated ARM board, over the serial port that the emulator gives it.
 //!
 //! `firmware-protocol/reference-firmware/run` builds the firmware and runs this with `ARMATURE_FIRMWARE` set to it.
+//! `ARMATURE_REQUIRE_FIRMWARE` turns the skip without it into a failure.
 
 #![cfg(unix)]
 
@@ -92,6 +93,7 @@ fn parts_of(topology: &Topology) -> Vec<usize> {
 #[tokio::test]
 async fn the_reference_firmware_is_a_puppet() {
     let Some(program) = std::env::var_os("ARMATURE_FIRMWARE") else {
+        assert!(std::env::var_os("ARMATURE_REQUIRE_FIRMWARE").is_none(), "ARMATURE_FIRMWARE names no firmware");
         println!("SKIPPED: run firmware-protocol/reference-firmware/run");
         return;
     };

@@ -186,5 +186,5 @@ async fn ports_that_cannot_be_opened_say_why() {
 #[test]
 fn ports_can_be_listed() {
     let ports = armature_device::list_serial_ports().expect("a list, even if empty");
-    assert!(ports.iter().all(|port| port.address.to_string().contains(&port.path)));
+    assert!(ports.iter().all(|port| port.address.to_string().contains(&port.port)));
 }

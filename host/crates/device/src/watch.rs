@@ -1,0 +1,85 @@
+//! What is plugged in and out while one watches.
+
+use crate::{DeviceDescription, Plugged, list_devices};
+
+/// What has changed between two looks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PortChange {
+    /// This was not there before.
+    PluggedIn(DeviceDescription),
+    /// This is there no longer.
+    Unplugged(DeviceDescription),
+}
+
+/// Remembers what was there at the last look. A look takes about a millisecond; two a second are enough to seem live.
+#[derive(Clone, Debug, Default)]
+pub struct DeviceWatch {
+    known: Plugged,
+}
+
+impl DeviceWatch {
+    /// Looks again: what has gone, then what has come. The first look finds all that is there.
+    pub fn look(&mut self) -> Vec<PortChange> {
+        self.compare(list_devices())
+    }
+
+    /// What the last look found.
+    pub fn known(&self) -> &Plugged {
+        &self.known
+    }
+
+    /// A device that comes back at another place has gone and come.
+    fn compare(&mut self, now: Plugged) -> Vec<PortChange> {
+        let gone = self.known.devices.iter().filter(|device| !now.devices.contains(device));
+        let come = now.devices.iter().filter(|device| !self.known.devices.contains(device));
+        let changes =
+            gone.cloned().map(PortChange::Unplugged).chain(come.cloned().map(PortChange::PluggedIn)).collect();
+        self.known = now;
+        changes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{DeviceAddress, UsbDescription};
+
+    fn device(address: &str, port: &str) -> DeviceDescription {
+        let usb = UsbDescription {
+            vendor_id: 0x1209,
+            product_id: 1,
+            manufacturer: None,
+            product: Some("Puppet".into()),
+            serial_number: Some("7".into()),
+        };
+        let address: DeviceAddress = address.parse().unwrap();
+        DeviceDescription { address, port: port.into(), usb: Some(usb) }
+    }
+
+    #[test]
+    fn what_goes_and_comes_is_told_once() {
+        let plugged = |devices: &[&DeviceDescription]| Plugged {
+            devices: devices.iter().map(|&device| device.clone()).collect(),
+            problems: Vec::new(),
+        };
+        let (serial, bulk) =
+            (device("serial:/dev/ttyACM0", "/dev/ttyACM0"), device("usb:1209:0001,7", "bus 1 device 3"));
+        let moved = device("usb:1209:0001,7", "bus 1 device 4");
+        let mut watch = DeviceWatch::default();
+        assert_eq!(watch.compare(plugged(&[])), []);
+        let both = [PortChange::PluggedIn(serial.clone()), PortChange::PluggedIn(bulk.clone())];
+        assert_eq!(watch.compare(plugged(&[&serial, &bulk])), both);
+        assert_eq!(watch.compare(plugged(&[&bulk, &serial])), [], "the order says nothing");
+        let pulled_and_back = [PortChange::Unplugged(bulk), PortChange::PluggedIn(moved.clone())];
+        assert_eq!(watch.compare(plugged(&[&serial, &moved])), pulled_and_back);
+        assert_eq!(watch.compare(plugged(&[&moved])), [PortChange::Unplugged(serial)]);
+        assert_eq!(watch.known().devices, [moved]);
+    }
+
+    #[test]
+    fn this_machine_can_be_looked_at() {
+        let mut watch = DeviceWatch::default();
+        let first = watch.look();
+        assert_eq!(first.len(), watch.known().devices.len());
+    }
+}
