@@ -5,6 +5,7 @@ pub mod bench;
 pub mod characters;
 pub mod cli;
 pub mod commands;
+pub mod decoding;
 pub mod engine;
 pub mod exports;
 pub mod failure;

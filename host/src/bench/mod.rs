@@ -8,6 +8,7 @@ use crate::cli::args::BenchArgs;
 use crate::engine::latency::percentile;
 use crate::failure::Failure;
 
+mod device;
 mod heat;
 mod pose;
 mod protocol;
@@ -97,6 +98,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: volume::NAMES, run: volume::run },
     Benchmark { names: volume_growth::NAMES, run: volume_growth::run },
     Benchmark { names: stream::NAMES, run: stream::run },
+    Benchmark { names: device::NAMES, run: device::run },
 ];
 
 /// Runs the benchmarks whose names contain `args.what`.

@@ -283,6 +283,12 @@ pub struct BenchArgs {
     /// Seconds of the stream benchmark
     #[arg(long, default_value_t = 60.0, value_parser = positive_seconds)]
     pub stream_seconds: f64,
+    /// Seconds of virtual time of `device/soak-…`
+    #[arg(long, default_value_t = 600, value_parser = clap::value_parser!(u64).range(10..=86_400))]
+    pub soak_seconds: u64,
+    /// How often `device/replug-…` pulls the cable
+    #[arg(long, default_value_t = 100, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=10_000))]
+    pub replugs: usize,
     /// A Python that has Blender's `bpy` module, to run Blender's automatic weights beside ours
     #[arg(long, value_name = "PYTHON", env = "ARMATURE_BPY_PYTHON")]
     pub bpy_python: Option<PathBuf>,
@@ -306,6 +312,13 @@ pub struct DevicesArgs {
     /// Watch for so long
     #[arg(long, value_name = "SECONDS", requires = "watch")]
     pub seconds: Option<f64>,
+    /// Tell in words what the bytes of a capture (raw, or as hexadecimal digits; - is standard input) or of a device
+    /// mean, and precisely what is wrong with each frame that is malformed
+    #[arg(long, value_name = "FILE|ADDRESS", conflicts_with = "watch")]
+    pub decode: Option<String>,
+    /// For how long to listen to a device that is decoded
+    #[arg(long, value_name = "SECONDS", default_value_t = 3.0, value_parser = positive_seconds)]
+    pub listen: f64,
 }
 
 /// `armature sim`

@@ -48,7 +48,7 @@ pub struct Cli {
 enum Command {
     /// The whole way once: a simulated human on a real serial line moves a character, and the take is exported
     Demo(DemoArgs),
-    /// List the puppets and serial ports that are plugged in, or watch them come and go
+    /// List the puppets and serial ports that are plugged in, watch them come and go, or tell what one of them says
     Devices(DevicesArgs),
     /// Diagnose a mesh, skeleton, motion, character or take file
     Inspect(InspectArgs),

@@ -6,14 +6,18 @@ use std::time::{Duration, Instant};
 use armature_device::servo::{ServoArm, ServoProtocol};
 use armature_device::{DeviceDescription, DeviceGuess, DeviceWatch, Plugged, PortChange, list_devices};
 
+use super::decode::decode;
 use crate::cli::args::DevicesArgs;
 use crate::failure::Failure;
 
 /// Time between two looks while watching.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 
-/// Lists what is plugged in, or watches it come and go.
+/// Lists what is plugged in, watches it come and go, or tells what one device says.
 pub fn devices(args: &DevicesArgs) -> Result<(), Failure> {
+    if let Some(what) = &args.decode {
+        return decode(what, args.listen);
+    }
     let mut out = io::stdout().lock();
     let written = if args.watch { watch(&mut out, args.seconds) } else { list(&mut out) };
     match written {

@@ -2,6 +2,7 @@
 
 mod bind;
 mod calibrate;
+mod decode;
 mod demo;
 mod devices;
 mod export;

@@ -94,6 +94,11 @@ const TWIST: PartKind = PartKind::Twist;
 
 /// The arms known by name. Ids run from the base outwards, as in each arm's building instructions. A joint twists if
 /// its axis runs along the arm, else it bends.
+///
+/// Ids, speeds and models were compared with public programs that drive these arms; none of the arms was at hand. Which
+/// joints of GELLO twist is not said anywhere: it follows the axes of the robots that GELLO copies (UR5: base, wrist 2
+/// and wrist 3 turn about the axis their own link goes along; Panda: every other joint from the first). A mapping or a
+/// calibration's `axis` puts right what is wrong.
 #[rustfmt::skip]
 const PRESETS: &[(&str, &str, ServoProtocol, u32, &[Row])] = &[
     ("so101-leader", "SO-101 leader arm", ServoProtocol::Feetech, 1_000_000, &[
@@ -118,7 +123,7 @@ const PRESETS: &[(&str, &str, ServoProtocol, u32, &[Row])] = &[
         (3, "elbow",         BEND,  XL330_M288),
         (4, "wrist_1",       BEND,  XL330_M288),
         (5, "wrist_2",       TWIST, XL330_M288),
-        (6, "wrist_3",       BEND,  XL330_M288),
+        (6, "wrist_3",       TWIST, XL330_M288),
         (7, "gripper",       BEND,  XL330_M077),
     ]),
     ("gello-franka", "GELLO for a Franka Panda", ServoProtocol::Dynamixel, 57_600, &[
@@ -133,7 +138,9 @@ const PRESETS: &[(&str, &str, ServoProtocol, u32, &[Row])] = &[
     ]),
 ];
 
-/// Models whose registers and counts are those this crate reads.
+/// Models whose registers and counts are those this crate reads: STS3215 and STS3250, and the X series with 4,096 counts
+/// a turn (XH430 1000 to 1050, XL430 and XC430 1060 to 1090, XH540 and XM540 1100 to 1150, 2XC430 1160, XL330 1190 and
+/// 1200, XC330 1210 to 1240). The numbers are those of the makers' own tables; only the arms' own models are emulated.
 const USABLE: &[(ServoProtocol, &[u16])] = &[
     (ServoProtocol::Feetech, &[777, 2_825]),
     (
