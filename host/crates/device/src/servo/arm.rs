@@ -139,7 +139,7 @@ const PRESETS: &[(&str, &str, ServoProtocol, u32, &[Row])] = &[
 ];
 
 /// Models whose registers and counts are those this crate reads: STS3215 and STS3250, and the X series with 4,096 counts
-/// a turn (XH430 1000 to 1050, XL430 and XC430 1060 to 1090, XH540 and XM540 1100 to 1150, 2XC430 1160, XL330 1190 and
+/// a turn (XH430 and XM430 1000 to 1050, XL430 and XC430 1060 to 1090, XH540 and XM540 1100 to 1150, 2XC430 1160, XL330 1190 and
 /// 1200, XC330 1210 to 1240). The numbers are those of the makers' own tables; only the arms' own models are emulated.
 const USABLE: &[(ServoProtocol, &[u16])] = &[
     (ServoProtocol::Feetech, &[777, 2_825]),
