@@ -8,6 +8,10 @@ use crate::{CholeskyError, SparseCholesky};
 /// Over-relaxation; 1.5 to 1.8 is usual, and hand.mesh likes 1.7 best.
 const RELAXATION: f64 = 1.7;
 
+/// Guessed weights nearer than this to a bound count as held by it: letting go what is wrongly held is cheaper than
+/// exchanging dust.
+const DUST: f64 = 1e-6;
+
 /// Which bound holds an unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Held {
@@ -18,6 +22,17 @@ pub(crate) enum Held {
     Lower,
     /// At one.
     Upper,
+}
+
+impl Held {
+    /// The weight of a held unknown.
+    pub(crate) fn bound(self) -> Option<f64> {
+        match self {
+            Self::Free => None,
+            Self::Lower => Some(0.0),
+            Self::Upper => Some(1.0),
+        }
+    }
 }
 
 /// `A + ρ M`, factorised.
@@ -52,8 +67,8 @@ impl<'a> AlternatingDirections<'a> {
                 weights[k] = value.clamp(0.0, 1.0);
                 multipliers[k] = value - weights[k];
                 held[k] = match value {
-                    v if v < 0.0 => Held::Lower,
-                    v if v > 1.0 => Held::Upper,
+                    v if v < DUST => Held::Lower,
+                    v if v > 1.0 - DUST => Held::Upper,
                     _ => Held::Free,
                 };
             }

@@ -10,7 +10,7 @@ use crate::{CholeskyError, SparseCholesky};
 #[derive(Debug, Default)]
 pub(crate) struct Symmetric {
     starts: Vec<usize>,
-    rows: Vec<usize>,
+    rows: Vec<u32>,
     values: Vec<f64>,
 }
 
@@ -118,7 +118,7 @@ impl SquaredLaplacian<'_> {
         for &vertex in free {
             self.column(vertex as usize, &mut scratch, |row, value| {
                 if position[row] != NONE {
-                    matrix.rows.push(position[row] as usize);
+                    matrix.rows.push(position[row]);
                     matrix.values.push(value);
                 }
             });
@@ -165,7 +165,25 @@ impl Symmetric {
         for (column, sum) in y.iter_mut().enumerate() {
             let range = self.starts[column]..self.starts[column + 1];
             let terms = self.rows[range.clone()].iter().zip(&self.values[range]);
-            *sum = terms.map(|(&row, value)| value * x[row]).sum();
+            *sum = terms.map(|(&row, value)| value * x[row as usize]).sum();
+        }
+    }
+
+    /// Rows and values of one column, rows ascending.
+    pub(crate) fn column(&self, column: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let range = self.starts[column]..self.starts[column + 1];
+        self.rows[range.clone()].iter().map(|&row| row as usize).zip(self.values[range].iter().copied())
+    }
+
+    /// `A x` into `y`, for an `x` that is zero outside `places`.
+    pub(crate) fn multiply_columns(&self, places: &[u32], x: &[f64], y: &mut [f64]) {
+        if 2 * places.len() > self.len() {
+            return self.multiply_into(x, y);
+        }
+        y.fill(0.0);
+        for &k in places {
+            let value = x[k as usize];
+            self.column(k as usize).for_each(|(row, entry)| y[row] += entry * value);
         }
     }
 
@@ -173,7 +191,7 @@ impl Symmetric {
     pub(crate) fn diagonal(&self) -> Vec<f64> {
         let at = |column: usize| {
             let range = self.starts[column]..self.starts[column + 1];
-            self.rows[range.clone()].binary_search(&column).map_or(0.0, |k| self.values[range.start + k])
+            self.rows[range.clone()].binary_search(&(column as u32)).map_or(0.0, |k| self.values[range.start + k])
         };
         (0..self.len()).map(at).collect()
     }
@@ -191,7 +209,7 @@ impl Symmetric {
             place[column] = count;
             count += 1;
             for k in self.starts[column]..self.starts[column + 1] {
-                let row = self.rows[k];
+                let row = self.rows[k] as usize;
                 if row > column {
                     break;
                 }
@@ -223,14 +241,16 @@ impl Symmetric {
 
     /// `order[k]` becomes row and column `k`.
     fn permuted(&self, order: &[usize]) -> Self {
-        let mut place = vec![0_usize; order.len()];
-        order.iter().enumerate().for_each(|(k, &from)| place[from] = k);
+        let mut place = vec![0_u32; order.len()];
+        order.iter().enumerate().for_each(|(k, &from)| place[from] = k as u32);
         let mut matrix = Self { starts: vec![0], ..Self::default() };
-        let mut column: Vec<(usize, f64)> = Vec::new();
+        let mut column: Vec<(u32, f64)> = Vec::new();
         for &from in order {
             let range = self.starts[from]..self.starts[from + 1];
             column.clear();
-            column.extend(self.rows[range.clone()].iter().map(|&r| place[r]).zip(self.values[range].iter().copied()));
+            column.extend(
+                self.rows[range.clone()].iter().map(|&r| place[r as usize]).zip(self.values[range].iter().copied()),
+            );
             column.sort_unstable_by_key(|&(row, _)| row);
             matrix.rows.extend(column.iter().map(|&(row, _)| row));
             matrix.values.extend(column.iter().map(|&(_, value)| value));

@@ -3,21 +3,22 @@
 //! `min ½ wᵀ (L M⁻¹ L + K) w` with `w_b = given` and `0 ≤ w ≤ 1`.
 //!
 //! Handles are solved apart from each other (the partition of unity comes afterwards, by normalising). A few steps
-//! of alternating directions with one shared factorisation guess which weights lie at a bound; a primal-dual active
-//! set method then exchanges them until the duality gap proves the weights right. Mostly five to fifteen exchanges
-//! do, each costing one factorisation of the free weights' part of the Hessian. Where exchanges stop to pay, more and
-//! more steps of alternating directions, which always converge, give a better guess.
+//! of alternating directions with one shared factorisation guess which weights lie at a bound; an active set method
+//! then exchanges them until the duality gap proves the weights right. Mostly ten to twenty exchanges do; three or
+//! four of them factorise the free weights' part of the Hessian, the others make do with an older factor and a few
+//! conjugate gradients. Where exchanges stop to pay, more and more steps of alternating directions, which always
+//! converge, give a better guess.
 
 use std::ops::ControlFlow;
 
 use armature_geometry::SparseMatrix;
 use rayon::prelude::*;
 
-use crate::active_set::{ActiveSet, Candidate, Certificate};
+use crate::active_set::{ActiveSet, Candidate};
 use crate::alternating_directions::{AlternatingDirections, Held};
 use crate::biharmonic_check::{BiharmonicError, check, reached};
 use crate::biharmonic_energy::BiharmonicEnergy;
-use crate::inverse_diagonal::inverse_diagonal;
+use crate::gather_reports::gather_reports;
 use crate::{CholeskyError, Phase, Progress, WeightMatrix};
 
 /// What is to be solved; triangles and tetrahedra alike.
@@ -51,9 +52,9 @@ pub struct BiharmonicSettings {
 }
 
 impl BiharmonicSettings {
-    /// Optimal to 1e-5 in every weight and to ten digits in the energy.
+    /// Optimal to 2e-5 in every weight and to ten digits in the energy.
     pub fn certified() -> Self {
-        Self { error_bound: 1e-5, relative_gap: 1e-10, guess_steps: 40, max_active_sets: 200 }
+        Self { error_bound: 2e-5, relative_gap: 1e-10, guess_steps: 40, max_active_sets: 200 }
     }
 
     /// Every weight within 2e-3 of the optimal one: not to be seen in any deformation.
@@ -94,8 +95,12 @@ pub struct HandleReport {
     pub largest_wrong_multiplier: f64,
     /// Largest gradient at a weight between the bounds, in the same measure.
     pub stationarity: f64,
-    /// Active sets tried, each one factorisation.
+    /// Active sets tried.
     pub active_sets: usize,
+    /// Factorisations made for them; others made do with an older one and conjugate gradients.
+    pub factorisations: usize,
+    /// Iterations of conjugate gradients over all active sets.
+    pub iterations: usize,
     /// How it ended.
     pub outcome: BiharmonicOutcome,
 }
@@ -126,6 +131,9 @@ const PAYS: f64 = 0.5;
 /// ... and after this many in a row the guess is renewed.
 const PATIENCE: usize = 8;
 
+/// A renewed guess takes no more steps than this.
+const MOST_GUESS_STEPS: usize = 1000;
+
 /// Computes every handle's weights and proves how good they are.
 ///
 /// Scaling or moving the mesh changes nothing beside rounding; neither does the number of threads change a bit.
@@ -145,33 +153,37 @@ pub fn bounded_biharmonic_weights(
     report_at(Phase::Factorise, 0.02)?;
     let energy =
         BiharmonicEnergy::new(problem.laplacian, problem.mass, problem.shape_preservation, problem.fixed, &takes_part)?;
-    let largest_inverse = inverse_diagonal(&energy.factor).into_iter().fold(0.0, f64::max);
     report_at(Phase::Guess, 0.1)?;
     let right: Vec<RightHandSide> =
         (0..problem.handles).into_par_iter().map(|handle| RightHandSide::new(problem, &energy, handle)).collect();
     let unbounded = unbounded(&energy, &right)?;
     let stiffness = STIFFNESS * rayleigh_quotient(problem, &energy, &unbounded);
     let directions = AlternatingDirections::new(&energy, stiffness)?;
-    let mut solves = guess(&directions, &right, &unbounded, settings.guess_steps)?;
-    let goal = Goal { settings, largest_inverse };
+    let guesses = guess(&directions, &right, &unbounded, settings.guess_steps)?;
     let active_set = ActiveSet::new(&energy);
-    let count = solves.len().max(1) as f64;
-    let mut done = 0.0;
-    for _ in 0..settings.max_active_sets {
-        let open: Vec<(usize, &mut HandleSolve)> =
-            solves.iter_mut().enumerate().filter(|(_, solve)| !solve.converged).collect();
-        if open.is_empty() {
-            break;
-        }
-        // Never falling, and never quite there while a handle is open.
-        done += (1.0 - open.len() as f64 / count - done).max(0.0) + 0.05 * (1.0 - done) / count;
-        report_at(Phase::Exchange, 0.2 + 0.75 * done.min(1.0))?;
-        open.into_par_iter()
-            .with_max_len(1)
-            .try_for_each(|(handle, solve)| solve.advance(&active_set, &directions, &right[handle], &goal, handle))?;
-    }
+    let goal = Goal { settings, largest_inverse: active_set.largest_inverse() };
+    let solver = Solver { active_set, directions, goal };
+    report_at(Phase::Exchange, 0.2)?;
+    let (mut done, share) = (0.2, 0.1 / guesses.len().max(1) as f64);
+    let mut cancelled = None;
+    let between = || {
+        // Never falling, and never quite there.
+        done += share * (0.95 - done);
+        cancelled = report_at(Phase::Exchange, done).err();
+        if cancelled.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let items: Vec<_> = guesses.into_iter().zip(&right).enumerate().collect();
+    let work = |(handle, (guess, right)): (usize, (Guess, &RightHandSide)), go_on: &dyn Fn() -> bool| {
+        solver.solve(handle, guess, right, go_on)
+    };
+    let solved = gather_reports(items, work, between);
+    let solves: Result<Vec<Solve>, BiharmonicError> = match (cancelled, solved) {
+        (None, Some(solves)) => solves.into_iter().collect(),
+        (cancelled, _) => Err(cancelled.unwrap_or(BiharmonicError::Cancelled(Phase::Exchange))),
+    };
+    let solves = solves?;
     report_at(Phase::Finish, 0.95)?;
-    assemble(problem, &energy, solves, unreached, &goal)
+    assemble(problem, &energy, solves, unreached, &solver.goal)
 }
 
 /// What counts as done.
@@ -181,55 +193,87 @@ struct Goal<'a> {
 }
 
 impl Goal<'_> {
+    /// The largest duality gap that meets both bounds for weights of this energy.
+    fn gap(&self, energy: f64) -> f64 {
+        let wanted = self.settings.error_bound;
+        (0.5 * wanted * wanted / self.largest_inverse).min(self.settings.relative_gap * energy)
+    }
+
     fn error_bound(&self, gap: f64) -> f64 {
         (2.0 * gap * self.largest_inverse).sqrt()
     }
 }
 
-/// One handle on its way.
-struct HandleSolve {
+/// A handle's weights to start from.
+struct Guess {
+    weights: Vec<f64>,
     held: Vec<Held>,
+}
+
+/// A handle's final weights.
+#[derive(Default)]
+struct Solve {
     best: Candidate,
     energy: f64,
     active_sets: usize,
-    unpaid: usize,
-    guess_steps: usize,
+    factorisations: usize,
+    iterations: usize,
     converged: bool,
 }
 
-impl HandleSolve {
-    /// Tries one more active set.
-    fn advance(
-        &mut self,
-        active_set: &ActiveSet<'_>,
-        directions: &AlternatingDirections<'_>,
-        right: &RightHandSide,
-        goal: &Goal<'_>,
+/// What all handles share.
+struct Solver<'a> {
+    active_set: ActiveSet<'a>,
+    directions: AlternatingDirections<'a>,
+    goal: Goal<'a>,
+}
+
+impl Solver<'_> {
+    /// Exchanges active sets until the gap is closed or the limit reached.
+    fn solve(
+        &self,
         handle: usize,
-    ) -> Result<(), BiharmonicError> {
-        let candidate = active_set.step(&right.values, &mut self.held)?;
-        self.active_sets += 1;
-        let gap = candidate.certificate.gap;
-        if !gap.is_finite() {
-            return Err(BiharmonicError::NotFinite { handle });
-        }
-        let best = self.best.certificate.gap;
-        self.unpaid = if gap < PAYS * best { 0 } else { self.unpaid + 1 };
-        if gap < best {
-            self.best = candidate;
-            self.energy = active_set.energy(&right.values, &self.best.weights) + right.constant;
+        guess: Guess,
+        right: &RightHandSide,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Solve, BiharmonicError> {
+        let limit = self.goal.settings.max_active_sets;
+        let Guess { weights, mut held } = guess;
+        let mut descent = self.active_set.start(&right.values, weights, &held);
+        let mut best: Option<Candidate> = None;
+        let mut least = f64::INFINITY;
+        let (mut unpaid, mut guess_steps) = (0, self.goal.settings.guess_steps);
+        let mut solve = Solve::default();
+        while solve.active_sets < limit && !solve.converged && go_on() {
+            solve.active_sets += 1;
             // A share of the constant keeps rounding from deciding where the weights cost no energy at all.
-            let scale = self.energy.max(1e-10 * right.constant);
-            self.converged =
-                goal.error_bound(gap) <= goal.settings.error_bound && gap <= goal.settings.relative_gap * scale;
+            let scale = (descent.energy(&right.values) + right.constant).max(1e-10 * right.constant);
+            let allowed = self.goal.gap(scale);
+            let certify = solve.active_sets == limit;
+            let exchanged = self.active_set.exchange(&right.values, &mut descent, &mut held, allowed, certify)?;
+            if !exchanged.gained.is_finite() {
+                return Err(BiharmonicError::NotFinite { handle });
+            }
+            unpaid = if exchanged.gained < PAYS * least { 0 } else { unpaid + 1 };
+            least = least.min(exchanged.gained);
+            if let Some(candidate) = exchanged.candidate
+                && best.as_ref().is_none_or(|best| candidate.certificate.gap < best.certificate.gap)
+            {
+                solve.converged = candidate.certificate.gap <= allowed;
+                best = Some(candidate);
+            }
+            if unpaid >= PATIENCE && !solve.converged {
+                guess_steps = (2 * guess_steps).min(MOST_GUESS_STEPS);
+                let mut weights: Vec<f64> = descent.weights.iter().map(|weight| weight.clamp(0.0, 1.0)).collect();
+                held = self.directions.run(&right.values, &mut weights, guess_steps)?;
+                descent = descent.restart(self.active_set.start(&right.values, weights, &held));
+                (unpaid, least) = (0, f64::INFINITY);
+            }
         }
-        if self.unpaid >= PATIENCE && !self.converged {
-            self.guess_steps *= 2;
-            let mut weights = self.best.weights.clone();
-            self.held = directions.run(&right.values, &mut weights, self.guess_steps)?;
-            self.unpaid = 0;
-        }
-        Ok(())
+        (solve.factorisations, solve.iterations) = (descent.factorisations, descent.iterations);
+        solve.best = best.unwrap_or_default();
+        solve.energy = solve.best.energy + right.constant;
+        if solve.best.certificate.gap.is_finite() { Ok(solve) } else { Err(BiharmonicError::NotFinite { handle }) }
     }
 }
 
@@ -282,21 +326,14 @@ fn guess(
     right: &[RightHandSide],
     unbounded: &[Vec<f64>],
     steps: usize,
-) -> Result<Vec<HandleSolve>, CholeskyError> {
+) -> Result<Vec<Guess>, CholeskyError> {
     let one = |(block, right): (&[Vec<f64>], &[RightHandSide])| {
         let n = block[0].len();
         let mut weights: Vec<f64> = block.iter().flatten().map(|w| w.clamp(0.0, 1.0)).collect();
         let right: Vec<f64> = right.iter().flat_map(|right| right.values.iter().copied()).collect();
         let held = if n == 0 { Vec::new() } else { directions.run(&right, &mut weights, steps)? };
-        let start = |k: usize| HandleSolve {
-            held: held[k * n..(k + 1) * n].to_vec(),
-            best: Candidate { weights: weights[k * n..(k + 1) * n].to_vec(), certificate: Certificate::NOTHING_KNOWN },
-            energy: f64::INFINITY,
-            active_sets: 0,
-            unpaid: 0,
-            guess_steps: steps,
-            converged: false,
-        };
+        let start =
+            |k: usize| Guess { weights: weights[k * n..(k + 1) * n].to_vec(), held: held[k * n..(k + 1) * n].to_vec() };
         Ok((0..block.len()).map(start).collect::<Vec<_>>())
     };
     let blocks: Result<Vec<_>, CholeskyError> =
@@ -307,7 +344,7 @@ fn guess(
 fn assemble(
     problem: &BiharmonicProblem<'_>,
     energy: &BiharmonicEnergy,
-    solves: Vec<HandleSolve>,
+    solves: Vec<Solve>,
     unreached: Vec<Vec<usize>>,
     goal: &Goal<'_>,
 ) -> Result<BiharmonicWeights, BiharmonicError> {
@@ -328,6 +365,8 @@ fn assemble(
             largest_wrong_multiplier: certificate.wrong_multiplier,
             stationarity: certificate.stationarity,
             active_sets: solve.active_sets,
+            factorisations: solve.factorisations,
+            iterations: solve.iterations,
             outcome: if solve.converged { BiharmonicOutcome::Converged } else { BiharmonicOutcome::LimitReached },
         });
         values.extend(weights);

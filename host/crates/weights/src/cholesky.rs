@@ -5,7 +5,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
@@ -20,6 +21,16 @@ const BLOCK: usize = 8;
 pub struct SparseCholesky {
     symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
+}
+
+/// Columns of the factor that share their pattern below the diagonal block.
+pub(crate) struct Block<'a> {
+    pub(crate) start: usize,
+    pub(crate) width: usize,
+    /// Rows below the diagonal block, ascending.
+    pub(crate) pattern: &'a [usize],
+    /// `(width + pattern.len()) × width`, column-major; of the diagonal block only the lower triangle counts.
+    pub(crate) values: &'a [f64],
 }
 
 /// A fill-reducing elimination order (approximate minimum degree) of a symmetric matrix given by the pattern of its
@@ -114,9 +125,52 @@ impl SparseCholesky {
         Ok(Self { symbolic, values })
     }
 
-    /// Pattern and values of the factor, for algorithms that walk through it.
-    pub(crate) fn parts(&self) -> (&SymbolicCholesky<usize>, &[f64]) {
-        (&self.symbolic, &self.values)
+    /// The factor, block after block, for algorithms that walk through it.
+    pub(crate) fn blocks(&self) -> Vec<Block<'_>> {
+        let values = self.values.as_slice();
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(simplicial) => {
+                let (starts, rows) = (simplicial.col_ptr(), simplicial.row_idx());
+                let column = |start: usize| {
+                    let range = starts[start]..starts[start + 1];
+                    Block { start, width: 1, pattern: &rows[range.start + 1..range.end], values: &values[range] }
+                };
+                (0..self.rows()).map(column).collect()
+            }
+            SymbolicCholeskyRaw::Supernodal(supernodal) => {
+                let block = |index: usize| {
+                    let node = supernodal.supernode(index);
+                    let values = &values[supernodal.col_ptr_for_val()[index]..supernodal.col_ptr_for_val()[index + 1]];
+                    let width = supernodal.supernode_end()[index] - node.start();
+                    Block { start: node.start(), width, pattern: node.pattern(), values }
+                };
+                (0..supernodal.n_supernodes()).map(block).collect()
+            }
+        }
+    }
+
+    /// `‖L⁻¹ x‖²`, which is `xᵀ A⁻¹ x`, for a factor in the order of its matrix. Blocks that a sparse `x` does not
+    /// reach cost nothing.
+    pub(crate) fn inverse_norm_squared(&self, x: &mut [f64]) -> f64 {
+        let mut below = Vec::new();
+        for block in self.blocks() {
+            let (head, height) = (block.start..block.start + block.width, block.pattern.len());
+            if x[head.clone()].iter().all(|value| *value == 0.0) {
+                continue;
+            }
+            below.clear();
+            below.resize(height, 0.0);
+            for (k, column) in block.values.chunks_exact(block.width + height).enumerate() {
+                let (inside, outside) = column.split_at(block.width);
+                let value = x[block.start + k] / inside[k];
+                x[block.start + k] = value;
+                let rest = &mut x[block.start + k + 1..head.end];
+                rest.iter_mut().zip(&inside[k + 1..]).for_each(|(x, entry)| *x -= entry * value);
+                below.iter_mut().zip(outside).for_each(|(x, entry)| *x += entry * value);
+            }
+            block.pattern.iter().zip(&below).for_each(|(&row, value)| x[row] -= value);
+        }
+        x.iter().map(|value| value * value).sum()
     }
 
     /// Solves for a few right-hand sides at once, column after column, on this thread.

@@ -4,24 +4,14 @@
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
-use faer::sparse::linalg::cholesky::SymbolicCholeskyRaw;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 use crate::SparseCholesky;
-
-/// Columns of the factor that share their pattern below the diagonal block.
-struct Block<'a> {
-    start: usize,
-    width: usize,
-    /// Rows below the diagonal block, ascending.
-    pattern: &'a [usize],
-    /// `(width + pattern.len()) × width`, column-major; of the diagonal block only the lower triangle counts.
-    values: &'a [f64],
-}
+use crate::cholesky::Block;
 
 /// `diag(A⁻¹)` in the factor's elimination order.
 pub(crate) fn inverse_diagonal(factor: &SparseCholesky) -> Vec<f64> {
-    let blocks = blocks_of(factor);
+    let blocks = factor.blocks();
     let mut diagonal = vec![0.0; factor.rows()];
     let mut block_of = vec![0_usize; factor.rows()];
     for (index, block) in blocks.iter().enumerate() {
@@ -37,29 +27,6 @@ pub(crate) fn inverse_diagonal(factor: &SparseCholesky) -> Vec<f64> {
         inverse[index] = here;
     }
     diagonal
-}
-
-fn blocks_of(factor: &SparseCholesky) -> Vec<Block<'_>> {
-    let (symbolic, values) = factor.parts();
-    match symbolic.raw() {
-        SymbolicCholeskyRaw::Simplicial(simplicial) => {
-            let (starts, rows) = (simplicial.col_ptr(), simplicial.row_idx());
-            let column = |start: usize| {
-                let range = starts[start]..starts[start + 1];
-                Block { start, width: 1, pattern: &rows[range.start + 1..range.end], values: &values[range] }
-            };
-            (0..factor.rows()).map(column).collect()
-        }
-        SymbolicCholeskyRaw::Supernodal(supernodal) => {
-            let block = |index: usize| {
-                let node = supernodal.supernode(index);
-                let values = &values[supernodal.col_ptr_for_val()[index]..supernodal.col_ptr_for_val()[index + 1]];
-                let width = supernodal.supernode_end()[index] - node.start();
-                Block { start: node.start(), width, pattern: node.pattern(), values }
-            };
-            (0..supernodal.n_supernodes()).map(block).collect()
-        }
-    }
 }
 
 /// The inverse among the rows of `pattern`, symmetric; later blocks hold it already.
@@ -139,6 +106,8 @@ mod tests {
             for row in 0..side * side {
                 let mut unit = vec![0.0; side * side];
                 unit[row] = 1.0;
+                let norm = factor.inverse_norm_squared(&mut unit.clone());
+                assert!((norm - diagonal[row]).abs() < 1e-13, "{side}: {} for {norm}", diagonal[row]);
                 factor.solve_here(&mut unit).unwrap();
                 assert!((unit[row] - diagonal[row]).abs() < 1e-13, "{side}: {} for {}", diagonal[row], unit[row]);
             }

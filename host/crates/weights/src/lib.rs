@@ -12,6 +12,8 @@ mod bounded_biharmonic;
 mod cholesky;
 mod endpoint_weights;
 mod finish_weights;
+mod free_descent;
+mod gather_reports;
 mod handle_boundary;
 mod heat_sources;
 mod heat_surface;
