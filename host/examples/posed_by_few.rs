@@ -61,7 +61,7 @@ fn shared(name: &str) -> Option<Outcome<Character>> {
     }
     let bound = inputs::model(&mesh).and_then(|model| {
         let go_on = &mut |_| ControlFlow::Continue(());
-        characters::bind_cached(&model, &mesh, Some(&bones), &BindSettings::default(), true, go_on)
+        characters::bind_cached(model, &mesh, Some(&bones), &BindSettings::default(), true, go_on)
     });
     Some(found(bound).map(|bound| bound.character))
 }

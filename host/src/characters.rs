@@ -3,11 +3,14 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use armature_character::{BindProgress, BindSettings, Character};
+use armature_character::{BindProgress, BindSettings, CacheError, Character, HandleWeightsError, MakeError};
 use armature_formats::Model;
+use armature_geometry::VolumeError;
+use armature_weights::BiharmonicError;
 
 use crate::engine::actor::Actor;
 use crate::failure::Failure;
+use crate::volumes::make_failure;
 use crate::{files, inputs};
 
 /// The names of the characters the program makes itself.
@@ -57,7 +60,7 @@ pub fn find(source: &str, progress: Progress) -> Result<Found, Failure> {
         )),
         _ => {
             let model = inputs::model(path)?;
-            let character = bind_cached(&model, path, None, &BindSettings::default(), true, progress)?.character;
+            let character = bind_cached(model, path, None, &BindSettings::default(), true, progress)?.character;
             Ok(found(source, character))
         }
     }
@@ -122,7 +125,7 @@ pub struct Bound {
 
 /// Binds a model, or takes the result of the same work from the cache.
 pub fn bind_cached(
-    model: &Model,
+    model: Model,
     mesh: &Path,
     skeleton: Option<&Path>,
     settings: &BindSettings,
@@ -140,8 +143,7 @@ pub fn bind_cached(
         return Ok(Bound { character, from_cache: true });
     }
     let given = skeleton.map(inputs::skeleton).transpose()?;
-    let character =
-        armature_character::bind(model.clone(), given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
+    let character = armature_character::bind(model, given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
     keep(cached.as_deref(), &character);
     Ok(Bound { character, from_cache: false })
 }
@@ -152,6 +154,7 @@ fn bind_failure(mesh: &Path, error: &armature_character::BindError) -> Failure {
     match error {
         BindError::NoSkeleton => Failure::input(what, format!("armature bind {} --skeleton BONES.tgf", mesh.display())),
         BindError::Cancelled { .. } => Failure::usage(what, ""),
+        BindError::Biharmonic(error) => weights_failure(mesh, error),
         BindError::Heat(_) | BindError::Sparsify(_) => Failure::not_converged(
             what,
             format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()),
@@ -160,10 +163,30 @@ fn bind_failure(mesh: &Path, error: &armature_character::BindError) -> Failure {
     }
 }
 
-/// A damaged or outdated cache file is as good as none.
+/// Why bounded biharmonic weights could not be computed, with the mesh's file and what to do about it.
+pub fn weights_failure(mesh: &Path, error: &HandleWeightsError) -> Failure {
+    use armature_character::HandleWeightsError as E;
+    let what = format!("{}: {error}", mesh.display());
+    match error {
+        E::Volume(MakeError::Solid(VolumeError::Empty | VolumeError::HandleLost)) => {
+            Failure::input(what, "`--on surface` and `--method heat` need no inside")
+        }
+        E::Volume(error) => make_failure(error, mesh),
+        E::Cancelled { .. } | E::BoundaryElsewhere => Failure::usage(what, ""),
+        E::NothingHeld { .. } | E::Handles(_) => Failure::input(what, "correct the handles"),
+        E::Biharmonic(BiharmonicError::Factorisation(_) | BiharmonicError::NotFinite { .. }) => Failure::not_converged(
+            what,
+            format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()),
+        ),
+        E::Biharmonic(_) => Failure::input(what, "correct the boundary values"),
+    }
+}
+
+/// A damaged or outdated cache file is as good as none: the work is done again, and the user told why.
 fn read_cached(path: &Path) -> Option<Character> {
     let bytes = std::fs::read(path).ok()?;
-    armature_character::from_bytes(&bytes).inspect_err(|e| tracing::warn!("{}: {e}", path.display())).ok()
+    let told = |e: &CacheError| tracing::warn!("what was kept in {} is made again: {e}", path.display());
+    armature_character::from_bytes(&bytes).inspect_err(told).ok()
 }
 
 fn cache_folder() -> Option<PathBuf> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use armature_render::{Bounds, Camera, Gpu, Ground, MeshView, RenderError, Samples, Scene, TextureView};
+use armature_render::{Bounds, Camera, Gpu, Ground, MeshView, Picture, RenderError, Samples, Scene, TextureView};
 
 use armature_rig::Pose;
 use glam::Affine3A;
@@ -88,34 +88,41 @@ pub fn draw(
     positions: &[[f32; 3]],
     normals: &[[f32; 3]],
     view: &View,
-) -> Result<(armature_render::Picture, DrawnBy), RenderError> {
-    let bounds = Bounds::of(positions).unwrap_or(Bounds { min: glam::Vec3::ZERO, max: glam::Vec3::ONE });
+) -> Result<(Picture, DrawnBy), RenderError> {
     let texture = shape.texture.as_ref();
-    let scene = Scene {
-        mesh: MeshView {
-            positions,
-            normals,
-            triangles: &shape.triangles,
-            uv: Some(shape.uv.as_slice()).filter(|uv| !uv.is_empty()),
-            texture: texture.map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba }),
-            base_color: shape.base_color,
-            highlight: None,
-            revision: 0,
-        },
-        ground: Ground { height: view.floor.unwrap_or(bounds.min.y), ..Ground::under(&bounds) },
-        ..Scene::default()
+    let mesh = MeshView {
+        positions,
+        normals,
+        triangles: &shape.triangles,
+        uv: Some(shape.uv.as_slice()).filter(|uv| !uv.is_empty()),
+        texture: texture.map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba }),
+        base_color: shape.base_color,
+        ..MeshView::default()
     };
+    draw_mesh(&mesh, view)
+}
+
+/// Draws a mesh on its floor.
+pub fn draw_mesh(mesh: &MeshView, view: &View) -> Result<(Picture, DrawnBy), RenderError> {
+    let bounds = Bounds::of(mesh.positions).unwrap_or(Bounds { min: glam::Vec3::ZERO, max: glam::Vec3::ONE });
+    let ground = Ground { height: view.floor.unwrap_or(bounds.min.y), ..Ground::under(&bounds) };
+    let scene = Scene { mesh: *mesh, ground, ..Scene::default() };
     let mut camera = Camera::fit(&bounds, view.size[0] as f32 / view.size[1] as f32);
     camera.yaw = view.yaw;
     camera.pitch = view.pitch;
     camera.distance *= view.closer;
+    draw_scene(&scene, &camera, view.size)
+}
+
+/// Draws a scene on a graphics adapter, or on the CPU where there is none.
+pub fn draw_scene(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Result<(Picture, DrawnBy), RenderError> {
     match Gpu::request() {
         Ok(gpu) => {
-            let picture = armature_render::render_to_image_gpu(&gpu, &scene, &camera, view.size, Samples::Four)?;
+            let picture = armature_render::render_to_image_gpu(&gpu, scene, camera, size, Samples::Four)?;
             Ok((picture, DrawnBy::Adapter(gpu.label())))
         }
         Err(error @ (RenderError::NoAdapter { .. } | RenderError::NoDevice { .. })) => {
-            let picture = armature_render::render_to_image_cpu(&scene, &camera, view.size, Samples::Four)?;
+            let picture = armature_render::render_to_image_cpu(scene, camera, size, Samples::Four)?;
             Ok((picture, DrawnBy::Cpu(error.to_string())))
         }
         Err(error) => Err(error),

@@ -6,6 +6,8 @@ use std::time::Duration;
 use armature_character::BindProgress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::interrupt::Interrupt;
+
 const STEPS: u64 = 1000;
 const REDRAWS_PER_SECOND: u8 = 15;
 
@@ -20,6 +22,7 @@ pub struct Talk {
 #[derive(Debug)]
 pub struct Bar {
     bar: ProgressBar,
+    interrupt: Option<Interrupt>,
 }
 
 impl Bar {
@@ -36,7 +39,22 @@ impl Bar {
         }
         bar.set_message(task.to_string());
         bar.enable_steady_tick(Duration::from_millis(100));
-        Self { bar }
+        Self { bar, interrupt: None }
+    }
+
+    /// From now on Ctrl-C stops the work at its next report in place of ending the program at once.
+    #[must_use]
+    pub fn until_interrupted(mut self) -> Self {
+        self.interrupt = Some(Interrupt::catch());
+        self
+    }
+
+    fn go_on(&self) -> ControlFlow<()> {
+        if self.interrupt.as_ref().is_some_and(Interrupt::is_raised) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 
     /// Shows how far a task is, 0 to 1.
@@ -47,11 +65,11 @@ impl Bar {
         self.bar.set_position((done.clamp(0.0, 1.0) * STEPS as f64) as u64);
     }
 
-    /// For work that reports as binding does; never stops it (Ctrl-C ends the program).
+    /// For work that reports as binding does.
     pub fn binding(&self) -> impl FnMut(BindProgress) -> ControlFlow<()> + '_ {
         |progress| {
             self.show(progress.stage, progress.done);
-            ControlFlow::Continue(())
+            self.go_on()
         }
     }
 
@@ -59,7 +77,7 @@ impl Bar {
     pub fn stages(&self) -> impl FnMut(&'static str, f64) -> ControlFlow<()> + '_ {
         |stage, done| {
             self.show(stage, done);
-            ControlFlow::Continue(())
+            self.go_on()
         }
     }
 
@@ -67,7 +85,7 @@ impl Bar {
     pub fn fraction<'a>(&'a self, task: &'a str) -> impl FnMut(f32) -> ControlFlow<()> + 'a {
         move |done| {
             self.show(task, f64::from(done));
-            ControlFlow::Continue(())
+            self.go_on()
         }
     }
 

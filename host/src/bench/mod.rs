@@ -8,6 +8,7 @@ use crate::cli::args::BenchArgs;
 use crate::engine::latency::percentile;
 use crate::failure::Failure;
 
+mod bind;
 mod device;
 mod heat;
 mod pose;
@@ -15,6 +16,7 @@ mod protocol;
 mod stream;
 mod volume;
 mod volume_growth;
+mod weights;
 mod winding;
 
 /// One measured number.
@@ -97,6 +99,8 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: winding::NAMES, run: winding::run },
     Benchmark { names: volume::NAMES, run: volume::run },
     Benchmark { names: volume_growth::NAMES, run: volume_growth::run },
+    Benchmark { names: weights::NAMES, run: weights::run },
+    Benchmark { names: bind::NAMES, run: bind::run },
     Benchmark { names: stream::NAMES, run: stream::run },
     Benchmark { names: device::NAMES, run: device::run },
 ];

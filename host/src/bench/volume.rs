@@ -10,7 +10,7 @@ use super::{Measurement, python_peer, shared_file};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
 use crate::inputs;
-use crate::volumes::{Handles, Made, make};
+use crate::volumes::{Handles, Made, make, make_failure};
 
 pub(super) const NAMES: &[&str] = &[
     "volume/conforming-armadillo",
@@ -103,7 +103,7 @@ pub(super) fn volume_of(
     path: &Path,
 ) -> Result<Volume, Failure> {
     let settings = VolumeSettings { resolution, ..VolumeSettings::default() };
-    match make(mesh, handles, &settings, &mut |_, _| ControlFlow::Continue(())).map_err(|e| e.in_file(path))? {
+    match make(mesh, handles, &settings, &mut |_, _| ControlFlow::Continue(())).map_err(|e| make_failure(&e, path))? {
         Made::Solid(volume) => Ok(*volume),
         Made::Flat(_) => Err(Failure::input(format!("{} is flat", path.display()), "choose a solid")),
     }

@@ -45,31 +45,6 @@ pub struct InspectArgs {
     pub json: bool,
 }
 
-/// `armature bind`
-#[derive(Debug, Args)]
-pub struct BindArgs {
-    /// The mesh (obj, ply, stl, off, gltf, glb, mesh)
-    pub mesh: PathBuf,
-    /// The skeleton (tgf, bvh, or a gltf/glb with a skin); a rigged glTF brings its own
-    #[arg(short, long)]
-    pub skeleton: Option<PathBuf>,
-    /// Where to save the character
-    #[arg(short, long, default_value = "character.armature")]
-    pub output: PathBuf,
-    /// Most bones a vertex may follow
-    #[arg(long, default_value_t = 4, value_parser = influence_count)]
-    pub influences: usize,
-    /// Replace the skeleton and weights that the file itself brings
-    #[arg(long)]
-    pub replace_rig: bool,
-    /// Compute again even if the same input was bound before
-    #[arg(long)]
-    pub no_cache: bool,
-    /// Write a picture of the bound character
-    #[arg(long, value_name = "PNG")]
-    pub picture: Option<PathBuf>,
-}
-
 const VOLUME_HELP: &str = "\
 What is inside is told by the generalized winding number, so that the mesh may be open, cut itself, and have parts that \
 are inside out; a flat mesh is filled with triangles. The file is chosen by its extension: .mesh (Medit), .msh (Gmsh) and \
@@ -364,12 +339,7 @@ fn sample_rate(text: &str) -> Result<f64, String> {
     if rate.is_finite() && (1.0..=4000.0).contains(&rate) { Ok(rate) } else { Err("give 1 to 4000 a second".into()) }
 }
 
-fn influence_count(text: &str) -> Result<usize, String> {
-    let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
-    if (1..=8).contains(&count) { Ok(count) } else { Err("give 1 to 8; most engines take 4".into()) }
-}
-
-fn volume_vertices(text: &str) -> Result<usize, String> {
+pub(super) fn volume_vertices(text: &str) -> Result<usize, String> {
     let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
     if (100..=5_000_000).contains(&count) { Ok(count) } else { Err("give 100 to 5000000 vertices".into()) }
 }

@@ -1,6 +1,7 @@
 //! The command line: what can be asked, in words that teach.
 
 pub mod args;
+pub mod weight_args;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -8,9 +9,10 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::cli::args::{
-    BenchArgs, BindArgs, CalibrateArgs, DemoArgs, DevicesArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs,
-    VolumeArgs, WindowArgs,
+    BenchArgs, CalibrateArgs, DemoArgs, DevicesArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs, VolumeArgs,
+    WindowArgs,
 };
+use crate::cli::weight_args::{BindArgs, WeightsArgs};
 use crate::commands;
 use crate::failure::Failure;
 use crate::talk::Talk;
@@ -54,6 +56,8 @@ enum Command {
     Inspect(InspectArgs),
     /// Bind a mesh to a skeleton: compute its skinning weights and save the character
     Bind(BindArgs),
+    /// Compute the weights of handles for every vertex of a mesh, for other tools
+    Weights(WeightsArgs),
     /// Fill a mesh with tetrahedra, however messy it is, and write them for other tools
     Volume(VolumeArgs),
     /// Drive a character with a puppet, and record
@@ -98,6 +102,7 @@ fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
         Command::Devices(args) => commands::devices(&args),
         Command::Inspect(args) => commands::inspect(&args),
         Command::Bind(args) => commands::bind(&args, talk),
+        Command::Weights(args) => commands::weights(&args, talk),
         Command::Volume(args) => commands::volume(&args, talk),
         Command::Run(args) => commands::run(&args, talk),
         Command::Calibrate(args) => commands::calibrate(&args, talk),

@@ -13,6 +13,8 @@ mod run;
 mod sim;
 mod volume;
 mod volume_report;
+mod weights;
+mod weights_report;
 mod window;
 
 pub use crate::bench::bench;
@@ -26,4 +28,5 @@ pub use replay::replay;
 pub use run::run;
 pub use sim::sim;
 pub use volume::volume;
+pub use weights::weights;
 pub use window::window;

@@ -12,7 +12,7 @@ use crate::cli::args::{VolumeArgs, VolumeRequirement};
 use crate::failure::Failure;
 use crate::slice::{Axis, Slice, SliceCells, SlicePlane, draw_slice};
 use crate::talk::{Bar, Talk};
-use crate::volumes::{Handles, Made, make};
+use crate::volumes::{Handles, Made, make, make_failure};
 use crate::words::counted;
 use crate::{files, inputs};
 
@@ -41,7 +41,7 @@ pub fn volume(args: &VolumeArgs, talk: Talk) -> Result<(), Failure> {
     let constraints =
         VolumeConstraints { facets: asks(VolumeRequirement::Facets), manifold: asks(VolumeRequirement::Manifold) };
     let settings = VolumeSettings { resolution, constraints, ..VolumeSettings::default() };
-    let made = make(&model.mesh, &handles, &settings, &mut progress).map_err(|e| e.in_file(&args.mesh))?;
+    let made = make(&model.mesh, &handles, &settings, &mut progress).map_err(|e| make_failure(&e, &args.mesh))?;
     drop(progress);
     bar.finish();
     let (cells, winding) = cells_of(&made);

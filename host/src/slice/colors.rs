@@ -31,7 +31,7 @@ pub(super) fn color(winding: f64) -> [u8; 3] {
 }
 
 /// A colour between two.
-pub(super) fn mix(a: [u8; 3], b: [u8; 3], share_of_b: f64) -> [u8; 3] {
+pub(crate) fn mix(a: [u8; 3], b: [u8; 3], share_of_b: f64) -> [u8; 3] {
     std::array::from_fn(|k| (f64::from(a[k]) + share_of_b * (f64::from(b[k]) - f64::from(a[k]))).round() as u8)
 }
 

@@ -16,7 +16,7 @@ const TICKS: f64 = 7.0;
 const ROUNDING: f64 = 0.02;
 
 /// A colour to draw with.
-pub(super) fn paint(rgb: [u8; 3], opacity: u8) -> Paint<'static> {
+pub(crate) fn paint(rgb: [u8; 3], opacity: u8) -> Paint<'static> {
     let mut paint = Paint::default();
     paint.set_color_rgba8(rgb[0], rgb[1], rgb[2], opacity);
     paint

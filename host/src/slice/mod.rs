@@ -1,11 +1,11 @@
 //! The picture of a slice through a volume, coloured by winding number.
 
-mod colors;
+pub(crate) mod colors;
 mod cut;
 mod draw;
 mod field;
-mod legend;
-mod text;
+pub(crate) mod legend;
+pub mod text;
 
 use armature_geometry::{FastWindingNumber, TetrahedralMesh, TriangleMesh};
 use armature_render::Picture;

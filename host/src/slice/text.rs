@@ -7,9 +7,12 @@ use tiny_skia::{FillRule, Paint, PathBuilder, PixmapMut, Transform};
 
 /// Where a line of text is held.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Hold {
+pub enum Hold {
+    /// At its beginning.
     Left,
+    /// At its middle.
     Middle,
+    /// At its end.
     Right,
 }
 
@@ -43,7 +46,7 @@ impl OutlinePen for Outline {
 }
 
 /// Draws one line of text; `at` is the baseline, in pixels, at the held end.
-pub(super) fn draw_text(pixmap: &mut PixmapMut, text: &str, at: [f32; 2], height: f32, hold: Hold, paint: &Paint) {
+pub fn draw_text(pixmap: &mut PixmapMut, text: &str, at: [f32; 2], height: f32, hold: Hold, paint: &Paint) {
     // The font is part of the program; were it damaged, a picture without words would still be a picture.
     let Ok(font) = FontRef::new(epaint_default_fonts::UBUNTU_LIGHT) else { return };
     let (size, location) = (Size::new(height), LocationRef::default());

@@ -3,17 +3,26 @@
 use std::ops::ControlFlow;
 
 use armature_formats::{Model, ModelRig};
-use armature_geometry::{Influences, InfluencesError, MeshError, NormalWeighting, TriangleMesh, vertex_normals};
+use armature_geometry::{InfluencesError, MeshError, NormalWeighting, vertex_normals};
 use armature_rig::{Skeleton, SkeletonError};
-use armature_weights::{BoneHeat, BoneHeatError, BoneHeatSettings, BoneSegment, SparsifyError, bone_heat, sparsify};
-use glam::DVec3;
+use armature_weights::{BoneHeatError, BoneHeatSettings, SparsifyError};
 
-use crate::{Character, HeatRecord, Misfit, Provenance};
+use crate::bind_weights::{Rib, bone_weights};
+use crate::{BiharmonicTier, Character, HandleWeightsError, Misfit, Provenance, WeightsOn};
 
 /// What is drawn where a model says nothing: light grey clay.
 const PLAIN: [f32; 4] = [0.6, 0.58, 0.55, 1.0];
-/// Dropping more than this part of a vertex's weight is worth a word.
-const MUCH_DROPPED: f64 = 0.05;
+/// About so many vertices has the volume that weights are computed on.
+const VOLUME_VERTICES: usize = 10_000;
+
+/// How weights are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindMethod {
+    /// Bounded biharmonic weights.
+    Biharmonic(BiharmonicTier),
+    /// Bone heat on the surface.
+    BoneHeat,
+}
 
 /// How to bind.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,13 +31,24 @@ pub struct BindSettings {
     pub replace_rig: bool,
     /// Most influences a vertex may have, 1 to 8.
     pub max_influences: usize,
+    /// How weights are computed.
+    pub method: BindMethod,
+    /// What bounded biharmonic weights are computed on.
+    pub on: WeightsOn,
     /// Of the bone heat method.
     pub heat: BoneHeatSettings,
 }
 
 impl Default for BindSettings {
     fn default() -> Self {
-        Self { replace_rig: false, max_influences: 4, heat: BoneHeatSettings::default() }
+        Self {
+            replace_rig: false,
+            // Smooth weights reach far: where many bones meet, four would leave seams.
+            max_influences: 8,
+            method: BindMethod::Biharmonic(BiharmonicTier::Interactive),
+            on: WeightsOn::Volume { vertices: VOLUME_VERTICES },
+            heat: BoneHeatSettings::default(),
+        }
     }
 }
 
@@ -86,9 +106,12 @@ pub enum BindError {
     /// The bones make no skeleton.
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
-    /// The weights could not be computed.
+    /// Bone heat weights could not be computed.
     #[error(transparent)]
     Heat(BoneHeatError),
+    /// Bounded biharmonic weights could not be computed.
+    #[error(transparent)]
+    Biharmonic(HandleWeightsError),
     /// The weights could not be made sparse.
     #[error(transparent)]
     Sparsify(#[from] SparsifyError),
@@ -112,10 +135,19 @@ impl From<BoneHeatError> for BindError {
     }
 }
 
+impl From<HandleWeightsError> for BindError {
+    fn from(error: HandleWeightsError) -> Self {
+        match error {
+            HandleWeightsError::Cancelled { stage } => Self::Cancelled { stage },
+            other => Self::Biharmonic(other),
+        }
+    }
+}
+
 /// Binds a model.
 ///
 /// A rigged model keeps its own skeleton and weights (a given skeleton is then left aside, with a warning) unless
-/// `settings.replace_rig` is set; texture and colour are always kept. Without a rig the weights come from bone heat;
+/// `settings.replace_rig` is set; texture and colour are always kept. Without a rig the weights are computed;
 /// with `replace_rig` and no `skeleton` given, the model's own skeleton is used with new weights. Bones without
 /// length (hubs) get no weight. `progress` may stop the work at any report.
 pub fn bind(
@@ -126,10 +158,6 @@ pub fn bind(
 ) -> Result<Character, BindError> {
     bind_with_ribs(model, skeleton, &[], settings, progress)
 }
-
-/// A further segment, in model space, that counts as a part of a bone when it comes to weights: ribs keep a broad
-/// chest with its spine.
-pub(crate) type Rib = (u16, [DVec3; 2]);
 
 /// [`bind`], with ribs.
 pub(crate) fn bind_with_ribs(
@@ -159,10 +187,10 @@ pub(crate) fn bind_with_ribs(
         old => {
             let skeleton = skeleton.or(old.map(|rig| rig.skeleton)).ok_or(BindError::NoSkeleton)?;
             drop_loose_vertices(&mut model);
-            let (influences, record, warnings) = heat_weights(&model.mesh, &skeleton, ribs, settings, progress)?;
-            model.warnings.extend(warnings);
-            model.rig = Some(ModelRig { skeleton, influences });
-            Provenance::BoneHeat(record)
+            let weights = bone_weights(&model.mesh, &skeleton, ribs, settings, progress)?;
+            model.warnings.extend(weights.warnings);
+            model.rig = Some(ModelRig { skeleton, influences: weights.influences });
+            Provenance::Computed(weights.record)
         }
     };
     let mut report = |stage, done| match progress(BindProgress { stage, done }) {
@@ -235,80 +263,6 @@ fn drop_loose_vertices(model: &mut Model) {
 fn keep<T>(values: &mut Vec<T>, used: &[bool]) {
     let mut used = used.iter();
     values.retain(|_| used.next().copied().unwrap_or(false));
-}
-
-/// Bone heat weights for every bone with a length, made sparse; how well it went; what the user should know.
-fn heat_weights(
-    mesh: &TriangleMesh,
-    skeleton: &Skeleton,
-    ribs: &[Rib],
-    settings: &BindSettings,
-    progress: &mut dyn FnMut(BindProgress) -> ControlFlow<()>,
-) -> Result<(Influences, HeatRecord, Vec<String>), BindError> {
-    let segments = skeleton.rest_segments();
-    let long: Vec<u16> = (0..segments.len())
-        .filter(|&bone| skeleton.bones()[bone].tail.length_squared() > 0.0)
-        .map(|bone| bone as u16)
-        .collect();
-    if long.is_empty() {
-        return Err(if skeleton.is_empty() {
-            BindError::NoSkeleton
-        } else {
-            BindError::NoBoneWithLength { bones: skeleton.len() }
-        });
-    }
-    let long_segments: Vec<_> = long.iter().map(|&bone| segments[usize::from(bone)]).collect();
-    let box_of_mesh = mesh.bounds().ok_or(BindError::Mesh(MeshError::Empty))?;
-    let outside = Misfit::check(box_of_mesh, &long_segments).map_err(BindError::Misfit)?;
-
-    let of_bones = long_segments.iter().map(|(head, tail)| [head.as_dvec3(), tail.as_dvec3()]);
-    let bones: Vec<BoneSegment> = of_bones
-        .chain(ribs.iter().map(|rib| rib.1))
-        .map(|[head, tail]| BoneSegment { head: head.to_array(), tail: tail.to_array() })
-        .collect();
-    let columns: Vec<u16> = long.iter().copied().chain(ribs.iter().map(|rib| rib.0)).collect();
-    let heat = bone_heat(mesh, &bones, &settings.heat, &mut |p| {
-        progress(BindProgress { stage: p.phase.label(), done: 0.02 + 0.92 * p.done })
-    })?;
-    let (influences, sparse) = sparsify(&heat.weights, settings.max_influences, &columns, skeleton.len())?;
-    let record = HeatRecord {
-        heat: settings.heat.heat,
-        max_influences: settings.max_influences,
-        residual: heat.residual,
-        max_dropped: sparse.max_dropped,
-    };
-    let mut warnings = heat_warnings(&heat, skeleton, &columns);
-    if outside > 0 {
-        warnings.push(format!("{outside} of {} bones lie outside of the mesh's box", long.len()));
-    }
-    if sparse.max_dropped > MUCH_DROPPED {
-        warnings.push(format!(
-            "keeping {} influences a vertex dropped up to {:.0} % of a vertex's weight; 8 keep more",
-            settings.max_influences,
-            100.0 * sparse.max_dropped
-        ));
-    }
-    Ok((influences, record, warnings))
-}
-
-fn heat_warnings(heat: &BoneHeat, skeleton: &Skeleton, columns: &[u16]) -> Vec<String> {
-    let report = &heat.report;
-    let mut warnings = Vec::new();
-    if !report.cold_bones.is_empty() {
-        let name = |&column: &usize| columns.get(column).map(|&bone| skeleton.bones()[usize::from(bone)].name.as_str());
-        let names: Vec<&str> = report.cold_bones.iter().filter_map(name).collect();
-        warnings.push(format!("these bones move no part of the mesh: {}", names.join(", ")));
-    }
-    let mut count = |number: usize, text: &str| {
-        if number > 0 {
-            warnings.push(format!("{number} {text}"));
-        }
-    };
-    count(report.blind_components.len(), "pieces of the mesh see no bone and follow their nearest ones");
-    count(report.isolated_vertices, "vertices lie in no face with an area and follow their nearest bones");
-    count(report.collapsed_triangles, "triangles have two corners at one place and were left out");
-    count(report.duplicate_triangles, "triangles are there twice; the second was left out");
-    warnings
 }
 
 /// One array length for everything.

@@ -13,13 +13,16 @@ use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::{Bone, Skeleton, Transform};
 use glam::{Quat, Vec3};
 
+use crate::Character;
 use crate::cache_bytes::{Reader, Writer};
-use crate::{Character, HeatRecord, Provenance};
+use crate::cache_record::{read_provenance, write_provenance};
 
 /// File name extension, without the dot.
 pub const CACHE_EXTENSION: &str = "armature";
 /// Raised with every change of the layout or of what binding computes from the same input.
-pub(crate) const FORMAT_VERSION: u32 = 1;
+pub(crate) const FORMAT_VERSION: u32 = 2;
+/// The oldest layout that is still read: it knew bone heat alone.
+const OLDEST_VERSION: u32 = 1;
 
 const MAGIC: [u8; 8] = *b"ARMATURE";
 const HEADER: usize = 52;
@@ -81,7 +84,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Character, CacheError> {
         return Err(CacheError::NotACharacter);
     }
     let found = reader.u32()?;
-    if found != FORMAT_VERSION {
+    if !(OLDEST_VERSION..=FORMAT_VERSION).contains(&found) {
         return Err(CacheError::Version { found });
     }
     let length = u64::from_le_bytes(reader.array()?);
@@ -136,18 +139,7 @@ fn write_body(w: &mut Writer, character: &Character) {
     w.count(influences.per_vertex());
     w.list(influences.bones(), |w, b| w.0.extend(b.to_le_bytes()));
     w.list(influences.weights(), |w, &weight| w.f32s([weight]));
-    let (kind, record) = match provenance {
-        Provenance::Artist => (0, None),
-        Provenance::BoneHeat(record) => (1, Some(record)),
-        Provenance::Generated(record) => (2, Some(record)),
-    };
-    w.byte(kind);
-    if let Some(&HeatRecord { heat, max_influences, residual, max_dropped }) = record {
-        w.f64(heat);
-        w.count(max_influences);
-        w.f64(residual);
-        w.f64(max_dropped);
-    }
+    write_provenance(w, provenance);
     w.list(warnings, |w, text| w.bytes(text.as_bytes()));
 }
 
@@ -182,12 +174,7 @@ fn read_body(r: &mut Reader) -> Result<Character, CacheError> {
     let bones = r.list(64, read_bone)?;
     let skeleton = Skeleton::new(bones).map_err(|error| r.bad(error.to_string()))?;
     let influences = read_influences(r, vertex_count, skeleton.len())?;
-    let provenance = match r.byte()? {
-        0 => Provenance::Artist,
-        1 => Provenance::BoneHeat(read_record(r)?),
-        2 => Provenance::Generated(read_record(r)?),
-        kind => return Err(r.bad(format!("weights of an unknown kind, {kind}"))),
-    };
+    let provenance = read_provenance(r)?;
     let warnings = r.list(8, Reader::text)?;
     Ok(Character {
         name,
@@ -227,12 +214,6 @@ fn read_influences(r: &mut Reader, vertex_count: usize, bone_count: usize) -> Re
         return Err(r.bad(format!("{} influences for {vertex_count} vertices with {per_vertex} each", bones.len())));
     }
     Influences::restore(per_vertex, bones, weights, bone_count).map_err(|error| r.bad(error.to_string()))
-}
-
-fn read_record(r: &mut Reader) -> Result<HeatRecord, CacheError> {
-    let heat = r.f64()?;
-    let max_influences = usize::try_from(u64::from_le_bytes(r.array()?)).unwrap_or(usize::MAX);
-    Ok(HeatRecord { heat, max_influences, residual: r.f64()?, max_dropped: r.f64()? })
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@ use std::fmt;
 
 use armature_weights::Visibility;
 
-use crate::BindSettings;
 use crate::cache::FORMAT_VERSION;
+use crate::{BiharmonicTier, BindMethod, BindSettings, WeightsOn};
 
 /// A BLAKE3 hash; printed as 64 hexadecimal digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -36,13 +36,24 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
         hasher.update(file);
     }
     // Taken apart by name, so that a new setting cannot be forgotten here.
-    let BindSettings { replace_rig, max_influences, heat } = settings;
+    let BindSettings { replace_rig, max_influences, method, on, heat } = settings;
     let armature_weights::BoneHeatSettings { heat, tie_ratio, weld_ratio, visibility } = heat;
     let visibility = match visibility {
         Visibility::Inside => 0,
         Visibility::Ignored => 1,
     };
-    hasher.update(&[u8::from(*replace_rig), visibility]);
+    let method = match method {
+        BindMethod::BoneHeat => 0,
+        BindMethod::Biharmonic(BiharmonicTier::Interactive) => 1,
+        BindMethod::Biharmonic(BiharmonicTier::Certified) => 2,
+    };
+    let (on, vertices) = match on {
+        WeightsOn::Volume { vertices } => (0, *vertices),
+        WeightsOn::OwnElements => (1, 0),
+        WeightsOn::Surface => (2, 0),
+    };
+    hasher.update(&[u8::from(*replace_rig), visibility, method, on]);
+    hasher.update(&(vertices as u64).to_le_bytes());
     hasher.update(&(*max_influences as u64).to_le_bytes());
     for number in [heat, tie_ratio, weld_ratio] {
         hasher.update(&number.to_le_bytes());
@@ -65,8 +76,11 @@ mod tests {
             cache_key(&[b"meshbones"], &plain),
             cache_key(&[b"mesh", b"bones", b""], &plain),
             cache_key(&[b"mesh", b"bones"], &other),
-            cache_key(&[b"mesh", b"bones"], &BindSettings { max_influences: 8, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { max_influences: 3, ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { replace_rig: true, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { method: BindMethod::BoneHeat, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { on: WeightsOn::Surface, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { on: WeightsOn::Volume { vertices: 500 }, ..plain.clone() }),
         ];
         let distinct: std::collections::BTreeSet<_> = keys.iter().map(ToString::to_string).collect();
         assert_eq!(distinct.len(), keys.len());

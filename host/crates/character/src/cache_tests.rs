@@ -1,4 +1,5 @@
 use super::*;
+use crate::{BiharmonicRecord, BiharmonicTier, DomainKind, HeatRecord, Provenance, WeightsRecord};
 
 fn small() -> Character {
     let vertices = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0, 1.0, 0.2], [0.3, 0.3, 1.0]];
@@ -19,12 +20,18 @@ fn small() -> Character {
         texture: Some(Texture { mime: "image/png".into(), bytes: vec![1, 2, 3] }),
         skeleton: Skeleton::new(vec![bone("a", None, 0.0), bone("b", Some(0), 0.5), bone("c", Some(1), 0.5)]).unwrap(),
         influences: Influences::new(3, vec![0, 1, 2, 2, 0, 0, 0, 1, 0, 2, 1, 0], weights, 3).unwrap(),
-        provenance: Provenance::BoneHeat(HeatRecord {
-            heat: 1.0,
+        provenance: Provenance::Computed(WeightsRecord::Biharmonic(BiharmonicRecord {
+            tier: BiharmonicTier::Certified,
+            domain: DomainKind::Surface,
+            domain_vertices: 4,
+            error_bound: 1e-5,
+            energy: 12.5,
+            unconverged: 1,
+            largest_deviation: 0.05,
             max_influences: 4,
-            residual: 1e-15,
             max_dropped: 0.01,
-        }),
+            mean_dropped: 0.001,
+        })),
         warnings: vec!["something".into(), String::new()],
     }
 }
@@ -48,6 +55,30 @@ fn what_was_written_comes_back_bit_for_bit() {
     let bytes = to_bytes(&character);
     assert_eq!(from_bytes(&bytes), Ok(character.clone()));
     assert_eq!(to_bytes(&from_bytes(&bytes).unwrap()), bytes);
+}
+
+#[test]
+fn each_provenance_comes_back_and_the_first_format_is_still_read() {
+    let heat = HeatRecord { heat: 1.0, max_influences: 4, residual: 1e-15, max_dropped: 0.01 };
+    let heat = WeightsRecord::BoneHeat(heat);
+    let mut character = small();
+    let biharmonic = *character.provenance.record().unwrap();
+    for provenance in [
+        Provenance::Artist,
+        Provenance::Computed(heat),
+        Provenance::Generated(heat),
+        Provenance::Computed(biharmonic),
+        Provenance::Generated(biharmonic),
+    ] {
+        character.provenance = provenance;
+        let mut bytes = to_bytes(&character);
+        assert_eq!(from_bytes(&bytes), Ok(character.clone()));
+        if provenance.record() != Some(&biharmonic) {
+            // Nothing else has changed since.
+            bytes[8] = 1;
+            assert_eq!(from_bytes(&bytes), Ok(character.clone()));
+        }
+    }
 }
 
 #[test]

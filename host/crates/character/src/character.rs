@@ -5,6 +5,8 @@ use armature_formats::Texture;
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::Skeleton;
 
+use crate::{BiharmonicTier, DomainKind};
+
 /// Everything needed to pose and draw a character. All arrays belong to `mesh`'s vertices; a vertex stands here once
 /// for every texture coordinate or normal it is drawn with.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,10 +38,29 @@ pub struct Character {
 pub enum Provenance {
     /// Painted by an artist; they came with the model and were not touched.
     Artist,
-    /// Computed by bone heat for a model from a file.
+    /// Computed for a model from a file.
+    Computed(WeightsRecord),
+    /// The program made the shape, and computed the weights.
+    Generated(WeightsRecord),
+}
+
+/// How weights were computed, and how well it went.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WeightsRecord {
+    /// By bone heat.
     BoneHeat(HeatRecord),
-    /// The program made the shape, and computed the weights by bone heat.
-    Generated(HeatRecord),
+    /// As bounded biharmonic weights.
+    Biharmonic(BiharmonicRecord),
+}
+
+impl Provenance {
+    /// How the weights were computed; `None` for an artist's.
+    pub fn record(&self) -> Option<&WeightsRecord> {
+        match self {
+            Self::Artist => None,
+            Self::Computed(record) | Self::Generated(record) => Some(record),
+        }
+    }
 }
 
 /// What bone heat was told, and how well it went.
@@ -53,6 +74,31 @@ pub struct HeatRecord {
     pub residual: f64,
     /// Largest part of a vertex's weight that was dropped to keep within `max_influences`.
     pub max_dropped: f64,
+}
+
+/// What bounded biharmonic weights were computed on, and the certificate of all of them together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BiharmonicRecord {
+    /// How good they had to be.
+    pub tier: BiharmonicTier,
+    /// What they were computed on.
+    pub domain: DomainKind,
+    /// Vertices of that.
+    pub domain_vertices: usize,
+    /// Before normalising no weight is farther than this from the optimal one.
+    pub error_bound: f64,
+    /// The sum of the energies of all bones' weights; mesh unit to the power of the dimension less four.
+    pub energy: f64,
+    /// Bones whose weights are not as good as they had to be.
+    pub unconverged: usize,
+    /// Largest distance of a vertex's sum of weights from one, before normalising.
+    pub largest_deviation: f64,
+    /// Most influences a vertex may have.
+    pub max_influences: usize,
+    /// Largest part of a vertex's weight that was dropped to keep within `max_influences`.
+    pub max_dropped: f64,
+    /// Mean of the same over all vertices.
+    pub mean_dropped: f64,
 }
 
 impl Character {

@@ -5,7 +5,9 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use armature_character::{BindSettings, Character, Provenance, bind, from_bytes, to_bytes};
+use armature_character::{
+    BindMethod, BindSettings, Character, Provenance, WeightsOn, WeightsRecord, bind, from_bytes, to_bytes,
+};
 use armature_formats::{Model, read_model, read_tgf, skeleton_from_graph};
 use armature_rig::Skeleton;
 
@@ -56,9 +58,14 @@ fn a_rigged_fox_keeps_its_rig_and_texture() {
     }
     assert_eq!(from_bytes(&to_bytes(&character)), Ok(character));
 
-    let replace = BindSettings { replace_rig: true, max_influences: 8, ..BindSettings::default() };
+    let method = BindMethod::BoneHeat;
+    let replace = BindSettings { replace_rig: true, max_influences: 8, method, ..BindSettings::default() };
     let heated = bound(fox, None, &replace);
-    assert!(matches!(heated.provenance, Provenance::BoneHeat(r) if r.residual < 1e-9));
+    assert!(
+        matches!(heated.provenance, Provenance::Computed(WeightsRecord::BoneHeat(r)) if r.residual < 1e-9),
+        "{:?}",
+        heated.provenance
+    );
     assert_eq!(heated.skeleton, rig.skeleton);
 }
 
@@ -67,9 +74,11 @@ fn an_arm_binds_to_its_graph() {
     let Some(folder) = shared_data() else { return };
     let arm = model(&folder, "arm.obj");
     let vertices = arm.mesh.vertices.len();
-    let character = bound(arm, Some(skeleton(&folder, "arm.tgf")), &BindSettings::default());
+    let settings = BindSettings { on: WeightsOn::Volume { vertices: 1500 }, ..BindSettings::default() };
+    let character = bound(arm, Some(skeleton(&folder, "arm.tgf")), &settings);
     assert!(character.mesh.vertices.len() >= vertices);
-    assert!(matches!(character.provenance, Provenance::BoneHeat(r) if r.residual < 1e-9));
+    let Provenance::Computed(WeightsRecord::Biharmonic(record)) = character.provenance else { panic!("not so") };
+    assert!(record.unconverged == 0 && record.error_bound <= 2e-3, "{record:?}");
     assert_eq!(from_bytes(&to_bytes(&character)), Ok(character));
 }
 

@@ -8,6 +8,7 @@ struct Surface {
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
     @location(3) highlight: f32,
+    @location(4) color: vec3f,
 }
 
 @vertex
@@ -16,8 +17,9 @@ fn vertex(
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
     @location(3) highlight: f32,
+    @location(4) color: vec3f,
 ) -> Surface {
-    return Surface(u.clip_from_world * vec4f(position, 1.0), position, normal, uv, highlight);
+    return Surface(u.clip_from_world * vec4f(position, 1.0), position, normal, uv, highlight, color);
 }
 
 // Lambert's cosine that reaches a little around the terminator, as light from a soft box does.
@@ -34,7 +36,7 @@ fn specular(normal: vec3f, to_eye: vec3f, to_light: vec3f) -> f32 {
 @fragment
 fn fragment(surface: Surface) -> @location(0) vec4f {
     let texel = textureSample(base_color_texture, repeating, surface.uv).rgb;
-    let base = mix(u.base_color.rgb * texel, u.highlight.rgb, saturate(surface.highlight) * 0.75);
+    let base = mix(u.base_color.rgb * surface.color * texel, u.highlight.rgb, saturate(surface.highlight) * 0.75);
     let to_eye = normalize(u.eye.xyz - surface.world);
     let shading = normalize(surface.normal);
     // The side that is seen decides which way the normal points, however the triangle is wound.

@@ -32,9 +32,11 @@ pub struct MeshView<'a> {
     pub texture: Option<TextureView<'a>>,
     /// sRGB, 0 to 1; multiplies the texture. `None`: [`Look::clay`] (white where there is a texture).
     pub base_color: Option<[f32; 3]>,
+    /// n colours, sRGB 0 to 1, in linear light between vertices; they multiply texture and base colour.
+    pub colors: Option<&'a [[f32; 3]]>,
     /// n values 0 to 1: how much of [`Look::highlight`] a vertex shows.
     pub highlight: Option<&'a [f32]>,
-    /// Has to change whenever triangles, texture coordinates or texture change: a [`crate::Renderer`] sends those to
+    /// Has to change whenever triangles, colours, texture coordinates or texture change: a [`crate::Renderer`] sends those to
     /// the GPU only then. Positions, normals and highlight are sent every frame.
     pub revision: u64,
 }
@@ -153,6 +155,7 @@ impl MeshView<'_> {
         let lengths = [
             ("normals", Some(self.normals.len())),
             ("texture coordinates", self.uv.map(<[_]>::len)),
+            ("colours", self.colors.map(<[_]>::len)),
             ("highlight values", self.highlight.map(<[_]>::len)),
         ];
         match lengths.into_iter().find_map(|(what, got)| got.filter(|&got| got != vertices).map(|got| (what, got))) {

@@ -110,6 +110,19 @@ fn texture_and_highlight() {
 }
 
 #[test]
+fn colours_of_vertices() {
+    let (shape, _) = shapes::figure();
+    let (ground, camera) = standing(&shape);
+    let colors: Vec<[f32; 3]> =
+        shape.positions.iter().map(|p| [p[1].clamp(0.0, 1.0), 0.5 - 0.5 * p[0].clamp(-1.0, 1.0), 0.2]).collect();
+    let scene = Scene { mesh: MeshView { colors: Some(&colors), ..mesh_of(&shape) }, ground, ..Scene::default() };
+    compare("colours", &scene, &camera);
+    let plain = Scene { mesh: mesh_of(&shape), ..scene };
+    let draw = |scene| render_to_image_cpu(scene, &camera, SIZE, Samples::One).unwrap();
+    assert!(difference(&draw(&scene), &draw(&plain)).visible > 0.02, "colours are seen");
+}
+
+#[test]
 fn an_eye_inside_the_figure() {
     let (shape, _) = shapes::figure();
     let (ground, camera) = standing(&shape);

@@ -84,6 +84,7 @@ impl Stage {
             uv: (character.uv.len() == vertices && vertices > 0).then_some(character.uv.as_slice()),
             texture: texture.map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba }),
             base_color: character.base_color,
+            colors: None,
             highlight: (self.highlight.len() == vertices && vertices > 0).then_some(self.highlight.as_slice()),
             revision: state.character_number,
         }

@@ -18,7 +18,7 @@ use armature_rig::{Skeleton, SkeletonError};
 use glam::DVec3;
 
 use crate::bind::bind_with_ribs;
-use crate::{BindError, BindSettings, Character, Provenance};
+use crate::{BindError, BindMethod, BindSettings, Character, Provenance};
 
 use field::Field;
 use figure::{Detail, figure};
@@ -54,8 +54,9 @@ fn make(
     let ribs: Vec<_> =
         ribs.iter().filter_map(|(name, ends)| skeleton.find(name).map(|bone| (bone as u16, *ends))).collect();
     let go_on = &mut |_| ControlFlow::Continue(());
-    let mut character = bind_with_ribs(model, Some(skeleton), &ribs, &BindSettings::default(), go_on)?;
-    if let Provenance::BoneHeat(record) = character.provenance {
+    let settings = BindSettings { method: BindMethod::BoneHeat, max_influences: 4, ..BindSettings::default() };
+    let mut character = bind_with_ribs(model, Some(skeleton), &ribs, &settings, go_on)?;
+    if let Provenance::Computed(record) = character.provenance {
         character.provenance = Provenance::Generated(record);
     }
     if field.symmetric {

@@ -4,13 +4,14 @@ use glam::{Vec2, Vec3, Vec4Swizzles as _};
 
 use super::sampling::{TextureSampler, mix, saturate};
 use crate::MeshView;
-use crate::uniforms::Uniforms;
+use crate::uniforms::{Uniforms, linear_from_srgb};
 
 /// What the vertex stage hands to the fragment stage, interpolated.
 pub(crate) struct Surface {
     world: Vec3,
     normal: Vec3,
     uv: Vec2,
+    color: Vec3,
     highlight: f32,
     /// Square to the triangle, towards the eye; of any length.
     seen_side: Vec3,
@@ -29,6 +30,7 @@ pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, front: bool, weights: 
         world: blend(&|c| Vec3::from(mesh.positions[c])),
         normal: blend(&|c| Vec3::from(mesh.normals[c])),
         uv: mesh.uv.map_or(Vec2::ZERO, |uv| blend(&|c| Vec2::from(uv[c]).extend(0.0)).truncate()),
+        color: mesh.colors.map_or(Vec3::ONE, |all| blend(&|c| all[c].map(linear_from_srgb).into())),
         highlight: mesh.highlight.map_or(0.0, |h| blend(&|c| Vec3::splat(h[c])).x),
     }
 }
@@ -36,7 +38,7 @@ pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, front: bool, weights: 
 /// Linear light that leaves the surface towards the eye.
 pub(crate) fn fragment(u: &Uniforms, texture: &TextureSampler, surface: &Surface) -> Vec3 {
     let texel = texture.sample(surface.uv);
-    let base = mix(u.base_color.xyz() * texel, u.highlight.xyz(), saturate(surface.highlight) * 0.75);
+    let base = mix(u.base_color.xyz() * surface.color * texel, u.highlight.xyz(), saturate(surface.highlight) * 0.75);
     let to_eye = (u.eye.xyz() - surface.world).normalize_or_zero();
     let shading = surface.normal.normalize_or_zero();
     let normal = if shading.dot(surface.seen_side) >= 0.0 { shading } else { -shading };

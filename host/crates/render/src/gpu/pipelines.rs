@@ -80,11 +80,12 @@ const fn column(array_stride: u64, attributes: &[wgpu::VertexAttribute]) -> Vert
     VertexBufferLayout { array_stride, step_mode: VertexStepMode::Vertex, attributes }
 }
 
-static MESH_BUFFERS: [Option<VertexBufferLayout<'static>>; 4] = [
+static MESH_BUFFERS: [Option<VertexBufferLayout<'static>>; 5] = [
     Some(column(12, &vertex_attr_array![0 => Float32x3])),
     Some(column(12, &vertex_attr_array![1 => Float32x3])),
     Some(column(8, &vertex_attr_array![2 => Float32x2])),
     Some(column(4, &vertex_attr_array![3 => Float32])),
+    Some(column(12, &vertex_attr_array![4 => Float32x3])),
 ];
 
 static OVERLAY_BUFFERS: [Option<VertexBufferLayout<'static>>; 1] =

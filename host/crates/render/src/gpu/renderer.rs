@@ -9,7 +9,7 @@ use super::pipelines::{DEPTH_FORMAT, LIGHT_FORMAT, Pipelines};
 use crate::bone_shape::{OverlayVertex, bone_triangles};
 use crate::contact_shadow::{ContactShadow, SHADOW_SIDE};
 use crate::picture::check_size;
-use crate::uniforms::Uniforms;
+use crate::uniforms::{Uniforms, linear_from_srgb};
 use crate::{Camera, MeshView, RenderError, Samples, Scene};
 
 /// Draws scenes into a texture of its own ([`Renderer::prepare`]) and that onto the screen ([`Renderer::paint`]).
@@ -28,6 +28,7 @@ pub struct Renderer {
     positions: GrowingBuffer,
     normals: GrowingBuffer,
     uv: GrowingBuffer,
+    colors: GrowingBuffer,
     highlight: GrowingBuffer,
     highlight_is_zero: bool,
     indices: GrowingBuffer,
@@ -97,6 +98,7 @@ impl Renderer {
             positions: vertex("positions"),
             normals: vertex("normals"),
             uv: vertex("texture coordinates"),
+            colors: vertex("colours"),
             highlight: vertex("highlight"),
             highlight_is_zero: true,
             indices: GrowingBuffer::new(device, "indices", BufferUsages::INDEX),
@@ -182,6 +184,12 @@ impl Renderer {
             Some(uv) => self.uv.write(device, queue, cast_slice(uv)),
             None => self.uv.reserve(device, mesh.positions.len() as u64 * 8),
         }
+        let white = [1.0_f32; 3];
+        let colors: Vec<[f32; 3]> = match mesh.colors {
+            Some(colors) => colors.iter().map(|c| c.map(linear_from_srgb)).collect(),
+            None => vec![white; mesh.positions.len()],
+        };
+        self.colors.write(device, queue, cast_slice(&colors));
         self.highlight.write(device, queue, &vec![0; mesh.positions.len() * 4]);
         self.highlight_is_zero = true;
         let texture = match mesh.texture.filter(|_| mesh.uv.is_some()) {
@@ -237,7 +245,8 @@ impl Renderer {
         if self.index_count > 0 {
             pass.set_pipeline(&self.pipelines.mesh);
             pass.set_bind_group(1, &self.texture_group, &[]);
-            for (slot, buffer) in [&self.positions, &self.normals, &self.uv, &self.highlight].into_iter().enumerate() {
+            let columns = [&self.positions, &self.normals, &self.uv, &self.highlight, &self.colors];
+            for (slot, buffer) in columns.into_iter().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice());
             }
             pass.set_index_buffer(self.indices.slice(), wgpu::IndexFormat::Uint32);

@@ -1,0 +1,244 @@
+//! Bounded biharmonic weights of handles for the vertices of a mesh: on a volume, carried to the surface, with their
+//! certificates and with what was odd.
+
+use std::ops::ControlFlow;
+
+use armature_geometry::{MeshError, TetrahedralMesh, TriangleMesh, VolumeError};
+use armature_weights::{
+    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, Handle,
+    HandleBoundary, HandleError, HandleKind, HandleReport, Normalisation, WeightMatrix, bounded_biharmonic_weights,
+    follow_nearest_handle, handle_boundary, normalise,
+};
+
+use crate::make_volume::MakeError;
+use crate::weight_domain::{DomainKind, HandleShape, WeightDomain, WeightsOn, weight_domain};
+use crate::weight_warnings::{Drawbacks, weight_warnings};
+
+/// How good bounded biharmonic weights have to be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BiharmonicTier {
+    /// Within 2e-3 of the optimal ones, which no deformation shows.
+    #[default]
+    Interactive,
+    /// Optimal to 1e-5 and to ten digits in the energy.
+    Certified,
+}
+
+impl BiharmonicTier {
+    /// When the solver may stop.
+    pub fn settings(self) -> BiharmonicSettings {
+        match self {
+            Self::Interactive => BiharmonicSettings::interactive(),
+            Self::Certified => BiharmonicSettings::certified(),
+        }
+    }
+}
+
+/// What to compute.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HandleWeightsSettings {
+    /// How good.
+    pub tier: BiharmonicTier,
+    /// On what.
+    pub on: WeightsOn,
+    /// Whether each vertex's weights are scaled to sum to one.
+    pub normalise: bool,
+}
+
+/// What weights are fixed where.
+#[derive(Clone, Copy, Debug)]
+pub enum Held<'a> {
+    /// Handles; they may share vertices, and then share their weights equally.
+    Shapes(&'a [HandleShape]),
+    /// Vertices of the mesh itself with given weights; only for weights on [`WeightsOn::OwnElements`].
+    Boundary(&'a HandleBoundary),
+}
+
+/// Weights with their certificates.
+#[derive(Clone, Debug)]
+pub struct HandleWeights {
+    /// n vertices of the surface × m handles.
+    pub weights: WeightMatrix,
+    /// One for every handle; `None` where it holds nothing, and its weights are zero.
+    pub reports: Vec<Option<HandleReport>>,
+    /// What normalising changed, if it was asked for.
+    pub normalisation: Option<Normalisation>,
+    /// What they were computed on.
+    pub domain: DomainKind,
+    /// How many vertices that has.
+    pub domain_vertices: usize,
+    /// Handles that move no vertex of the surface by more than dust.
+    pub idle: Vec<usize>,
+    /// What the user should know, in sentences.
+    pub warnings: Vec<String>,
+}
+
+impl HandleWeights {
+    /// No weight, before normalising, is farther than this from the optimal one.
+    pub fn error_bound(&self) -> f64 {
+        self.known().map(|report| report.error_bound).fold(0.0, f64::max)
+    }
+
+    /// The sum of all handles' energies.
+    pub fn energy(&self) -> f64 {
+        self.known().map(|report| report.energy).sum()
+    }
+
+    /// Handles whose weights are not as good as they were asked to be.
+    pub fn unconverged(&self) -> usize {
+        self.known().filter(|report| report.outcome != BiharmonicOutcome::Converged).count()
+    }
+
+    fn known(&self) -> impl Iterator<Item = &HandleReport> {
+        self.reports.iter().flatten()
+    }
+}
+
+/// Why there are no weights.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum HandleWeightsError {
+    /// No handle holds a vertex.
+    #[error("none of the {handles} handles holds a part of the shape; check that they lie in it and in its unit")]
+    NothingHeld {
+        /// Handles given.
+        handles: usize,
+    },
+    /// Vertices were fixed by number, but the weights are not computed on the mesh's own elements.
+    #[error("weights can be fixed at vertices only of the mesh's own elements")]
+    BoundaryElsewhere,
+    /// There is no volume.
+    #[error(transparent)]
+    Volume(#[from] MakeError),
+    /// Handles do not fit on the elements.
+    #[error(transparent)]
+    Handles(#[from] HandleError),
+    /// The weights could not be computed.
+    #[error(transparent)]
+    Biharmonic(#[from] BiharmonicError),
+    /// The progress callback asked to stop.
+    #[error("computing the weights was cancelled while {stage}")]
+    Cancelled {
+        /// What was going on.
+        stage: &'static str,
+    },
+}
+
+/// The volume's share of the whole time.
+const VOLUME_SHARE: f64 = 0.4;
+
+/// Weights of every handle for every vertex of `surface`: the volume or other elements, the solver, pieces without a
+/// handle, normalising, and the way back to the surface. `tetrahedra`, if the mesh brings any, have the surface's
+/// vertices. `progress` hears a few words and the part of the whole that is done, and may stop the work.
+pub fn handle_weights(
+    surface: &TriangleMesh,
+    tetrahedra: Option<&TetrahedralMesh>,
+    held: Held<'_>,
+    settings: &HandleWeightsSettings,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<HandleWeights, HandleWeightsError> {
+    let shapes = match held {
+        Held::Shapes(shapes) => shapes,
+        Held::Boundary(_) if settings.on != WeightsOn::OwnElements => {
+            return Err(HandleWeightsError::BoundaryElsewhere);
+        }
+        Held::Boundary(_) => &[],
+    };
+    let mut stage = "preparing the shape";
+    let mut told = |label: &'static str, done: f64| {
+        stage = label;
+        progress(label, VOLUME_SHARE * done)
+    };
+    let domain = weight_domain(surface, tetrahedra, shapes, settings.on, &mut told).map_err(|error| match error {
+        MakeError::Solid(VolumeError::Cancelled) | MakeError::Flat(armature_geometry::PlanarError::Cancelled) => {
+            HandleWeightsError::Cancelled { stage }
+        }
+        other => HandleWeightsError::Volume(other),
+    })?;
+    // The columns that have to be solved for; the others hold nothing.
+    let (boundary, columns) = match held {
+        Held::Boundary(boundary) => (boundary.clone(), (0..boundary.handles).collect()),
+        Held::Shapes(shapes) => boundary_of(&domain, shapes.len())?,
+    };
+    let mut solved = solve(&domain, &boundary, settings.tier, progress)?;
+    let followed = follow_nearest_handle(&mut solved, &boundary, &domain.vertices);
+    let normalisation = settings.normalise.then(|| normalise(&mut solved.weights));
+    let names: Vec<String> = match held {
+        Held::Shapes(shapes) => shapes.iter().map(|shape| shape.name.clone()).collect(),
+        Held::Boundary(boundary) => (1..=boundary.handles).map(|handle| format!("handle {handle}")).collect(),
+    };
+    let weights = whole(&domain, &solved.weights, &columns, names.len())?;
+    let mut reports = vec![None; names.len()];
+    columns.iter().zip(solved.reports).for_each(|(&column, report)| reports[column] = Some(report));
+    let followed: Vec<usize> = followed.into_iter().map(|handle| columns[handle]).collect();
+    let drawbacks = Drawbacks::find(&domain, &weights, &reports, &solved.unreached, &followed);
+    Ok(HandleWeights {
+        warnings: weight_warnings(&drawbacks, &names),
+        idle: drawbacks.idle,
+        weights,
+        reports,
+        normalisation,
+        domain: domain.kind,
+        domain_vertices: domain.vertices.len(),
+    })
+}
+
+/// What the handles that hold something hold, and which they are.
+fn boundary_of(domain: &WeightDomain, handles: usize) -> Result<(HandleBoundary, Vec<usize>), HandleWeightsError> {
+    let columns: Vec<usize> = (0..handles).filter(|&handle| !domain.held[handle].is_empty()).collect();
+    if columns.is_empty() {
+        return Err(HandleWeightsError::NothingHeld { handles });
+    }
+    // All may share vertices: two handles at one place are told of, not refused.
+    let handle = |&column: &usize| Handle { kind: HandleKind::Bone, vertices: domain.held[column].clone() };
+    let all: Vec<Handle> = columns.iter().map(handle).collect();
+    Ok((handle_boundary(&domain.vertices, &all, &[])?, columns))
+}
+
+fn solve(
+    domain: &WeightDomain,
+    boundary: &HandleBoundary,
+    tier: BiharmonicTier,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<BiharmonicWeights, HandleWeightsError> {
+    let problem = BiharmonicProblem {
+        laplacian: &domain.laplacian,
+        mass: &domain.mass,
+        fixed: &boundary.fixed,
+        fixed_weights: &boundary.fixed_weights,
+        handles: boundary.handles,
+        shape_preservation: None,
+    };
+    let solved = bounded_biharmonic_weights(&problem, &tier.settings(), &mut |at| {
+        progress(at.phase.label(), VOLUME_SHARE + (1.0 - VOLUME_SHARE) * at.done)
+    });
+    solved.map_err(|error| match error {
+        BiharmonicError::Cancelled(phase) => HandleWeightsError::Cancelled { stage: phase.label() },
+        other => HandleWeightsError::Biharmonic(other),
+    })
+}
+
+/// The weights of the surface's vertices, with a column of zeros for every handle that holds nothing.
+fn whole(
+    domain: &WeightDomain,
+    solved: &WeightMatrix,
+    columns: &[usize],
+    handles: usize,
+) -> Result<WeightMatrix, HandleWeightsError> {
+    let n = domain.surface_vertices();
+    let out_of_memory = HandleWeightsError::Biharmonic(BiharmonicError::OutOfMemory { vertices: n, handles });
+    let carried = domain.carry(solved).ok_or(out_of_memory.clone())?;
+    if columns.len() == handles {
+        return Ok(carried);
+    }
+    let mut values = vec![0.0; n.checked_mul(handles).ok_or(out_of_memory.clone())?];
+    for (k, &column) in columns.iter().enumerate() {
+        values[column * n..(column + 1) * n].copy_from_slice(carried.bone(k));
+    }
+    WeightMatrix::from_columns(n, handles, values).ok_or(out_of_memory)
+}
+
+impl From<MeshError> for MakeError {
+    fn from(error: MeshError) -> Self {
+        Self::Solid(VolumeError::Mesh(error))
+    }
+}

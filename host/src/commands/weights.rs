@@ -1,0 +1,225 @@
+//! `armature weights`
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use armature_character::{
+    HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, WeightsOn, handle_weights,
+};
+use armature_formats::{Model, NumberTable, write_dmat, write_npy};
+use armature_weights::{
+    BoneHeat, BoneHeatError, BoneHeatSettings, BoneSegment, HandleBoundary, WeightMatrix, bone_heat,
+};
+
+use super::weights_report::{say_biharmonic, say_heat};
+use crate::cli::weight_args::{Method, WeightsArgs};
+use crate::failure::Failure;
+use crate::talk::{Bar, Talk};
+use crate::weight_picture::{WeightPicture, handle_of, write_weight_picture};
+use crate::{characters, files, inputs};
+
+/// Computes the weights of handles, writes them, and says how good they are.
+pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
+    let write = writer(&args.output)?;
+    let start = std::time::Instant::now();
+    let bar = Bar::new(talk, "reading the mesh").until_interrupted();
+    let model = inputs::model(&args.mesh)?;
+    let held = OwnedHeld::read(args, &model)?;
+    let names = held.names();
+    let of = args.picture_of.as_deref().map(|name| handle_of(name, &names)).transpose()?.flatten();
+    let made = compute(args, &model, &held, &mut bar.stages())?;
+    bar.finish();
+    let weights = made.weights();
+    let values = weights.values().to_vec();
+    files::write(&args.output, &write(&NumberTable { rows: weights.vertices(), columns: weights.bones(), values }))?;
+    let seconds = start.elapsed().as_secs_f64();
+    match &made {
+        Made::Biharmonic(made) => say_biharmonic(args, made, &names, talk, seconds),
+        Made::Heat(made) => say_heat(args, made, &names, talk, seconds),
+    }
+    if let Some(path) = &args.picture {
+        let by = write_weight_picture(path, &WeightPicture { mesh: &model.mesh, weights, names: &names, of })?;
+        if !talk.quiet && !args.json {
+            println!("{}: {by}", path.display());
+        }
+    }
+    match made.unconverged() {
+        0 => Ok(()),
+        missed => Err(Failure::not_converged(
+            format!(
+                "{}: the weights of {missed} handles did not converge; the best found were written",
+                args.mesh.display()
+            ),
+            "the report says how far off they can be; repair slivers of the mesh, or give more distance to handles",
+        )),
+    }
+}
+
+type Writer = fn(&NumberTable) -> Vec<u8>;
+
+/// The format by the file's extension, asked for before the work is done.
+fn writer(path: &Path) -> Result<Writer, Failure> {
+    match files::extension_of(path).as_str() {
+        "npy" => Ok(write_npy),
+        "dmat" => Ok(|table| write_dmat(table).into_bytes()),
+        _ => Err(Failure::usage(
+            format!("{} is no file for weights", path.display()),
+            "weights are written as .npy (NumPy) and .dmat (libigl)",
+        )),
+    }
+}
+
+/// What is held, read from files.
+enum OwnedHeld {
+    Shapes(Vec<HandleShape>),
+    Boundary(HandleBoundary),
+}
+
+impl OwnedHeld {
+    fn read(args: &WeightsArgs, model: &Model) -> Result<Self, Failure> {
+        match (&args.boundary, &args.handles) {
+            (Some(files), _) => match files.as_slice() {
+                [fixed, given] => read_boundary(fixed, given, model).map(Self::Boundary),
+                _ => Err(Failure::usage("--boundary takes two files", "give --boundary b.npy bc.npy")),
+            },
+            (None, Some(path)) => read_handles(path).map(Self::Shapes),
+            (None, None) => Err(Failure::usage("there are no handles", "give --handles HANDLES.tgf")),
+        }
+    }
+
+    fn names(&self) -> Vec<String> {
+        match self {
+            Self::Shapes(shapes) => shapes.iter().map(|shape| shape.name.clone()).collect(),
+            Self::Boundary(boundary) => (1..=boundary.handles).map(|handle| format!("handle_{handle}")).collect(),
+        }
+    }
+}
+
+/// Points that no edge touches, then edges as bones.
+fn read_handles(path: &Path) -> Result<Vec<HandleShape>, Failure> {
+    let file = path.display().to_string();
+    if files::extension_of(path) != "tgf" {
+        return Err(Failure::usage(format!("{file} is no TGF file"), "handles are read from .tgf"));
+    }
+    let graph = armature_formats::read_tgf(&files::read(path)?).map_err(|e| e.in_file(&file))?;
+    let mut touched = vec![false; graph.points.len()];
+    graph.edges.iter().flatten().for_each(|&point| touched[point] = true);
+    let alone = (0..graph.points.len()).filter(|&point| !touched[point]);
+    let points = alone.map(|point| HandleShape {
+        name: format!("point_{}", point + 1),
+        place: HandlePlace::Point(graph.points[point]),
+    });
+    let bones = graph.edges.iter().enumerate().map(|(edge, ends)| {
+        let [head, tail] = ends.map(|point| graph.points[point]);
+        // A bone without length holds like a point.
+        let is_short = glam::DVec3::from(head) == glam::DVec3::from(tail);
+        let place = if is_short { HandlePlace::Point(head) } else { HandlePlace::Segments(vec![[head, tail]]) };
+        HandleShape { name: format!("bone_{}", edge + 1), place }
+    });
+    Ok(points.chain(bones).collect())
+}
+
+fn read_table(path: &Path) -> Result<NumberTable, Failure> {
+    let read = match files::extension_of(path).as_str() {
+        "dmat" => armature_formats::read_dmat,
+        _ => armature_formats::read_npy,
+    };
+    Ok(read(&files::read(path)?).map_err(|e| e.in_file(&path.display().to_string()))?)
+}
+
+fn read_boundary(fixed_file: &Path, given_file: &Path, model: &Model) -> Result<HandleBoundary, Failure> {
+    let bad = |path: &Path, what: String, remedy: &str| Failure::input(format!("{}: {what}", path.display()), remedy);
+    let fixed = read_table(fixed_file)?;
+    let count = model.mesh.vertices.len();
+    let indices = fixed.indices().filter(|all| all.iter().all(|&vertex| vertex < count));
+    let indices = indices.ok_or_else(|| {
+        bad(
+            fixed_file,
+            format!("it does not hold vertices of the mesh, from 0 to {}", count.saturating_sub(1)),
+            "save their indices, counted from 0",
+        )
+    })?;
+    let given = read_table(given_file)?;
+    if given.rows != indices.len() || given.columns == 0 {
+        let what = format!("{} × {} weights for {} fixed vertices", given.rows, given.columns, indices.len());
+        return Err(bad(given_file, what, "give a row for each fixed vertex and a column for each handle"));
+    }
+    Ok(HandleBoundary { fixed: indices, fixed_weights: given.values, handles: given.columns })
+}
+
+/// Weights by either method.
+enum Made {
+    Biharmonic(Box<HandleWeights>),
+    Heat(Box<BoneHeat>),
+}
+
+impl Made {
+    fn weights(&self) -> &WeightMatrix {
+        match self {
+            Self::Biharmonic(made) => &made.weights,
+            Self::Heat(made) => &made.weights,
+        }
+    }
+
+    fn unconverged(&self) -> usize {
+        match self {
+            Self::Biharmonic(made) => made.unconverged(),
+            Self::Heat(_) => 0,
+        }
+    }
+}
+
+fn compute(
+    args: &WeightsArgs,
+    model: &Model,
+    held: &OwnedHeld,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<Made, Failure> {
+    if args.method == Method::Heat {
+        return compute_heat(args, model, held, progress).map(|made| Made::Heat(Box::new(made)));
+    }
+    let own = model.tetrahedra.is_some() || matches!(held, OwnedHeld::Boundary(_));
+    let on = if own { args.domain.weights_on(WeightsOn::OwnElements) } else { args.domain.volume_or_asked() };
+    let held = match held {
+        OwnedHeld::Shapes(shapes) => Held::Shapes(shapes),
+        OwnedHeld::Boundary(_) if on != WeightsOn::OwnElements => {
+            return Err(Failure::usage(
+                "--boundary fixes vertices of the mesh itself, so its own elements are used",
+                "leave out --on and --vertices",
+            ));
+        }
+        OwnedHeld::Boundary(boundary) => Held::Boundary(boundary),
+    };
+    let settings = HandleWeightsSettings { tier: args.method.tier(), on, normalise: !args.no_normalize };
+    let made = handle_weights(&model.mesh, model.tetrahedra.as_ref(), held, &settings, progress);
+    made.map(|made| Made::Biharmonic(Box::new(made))).map_err(|e| characters::weights_failure(&args.mesh, &e))
+}
+
+fn compute_heat(
+    args: &WeightsArgs,
+    model: &Model,
+    held: &OwnedHeld,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<BoneHeat, Failure> {
+    let OwnedHeld::Shapes(shapes) = held else {
+        return Err(Failure::usage(
+            "bone heat takes bones and points, no fixed vertices",
+            "give --handles HANDLES.tgf",
+        ));
+    };
+    let bone = |shape: &HandleShape| match &shape.place {
+        HandlePlace::Segments(all) => all.iter().map(|&[head, tail]| BoneSegment { head, tail }).collect(),
+        HandlePlace::Point(point) => vec![BoneSegment { head: *point, tail: *point }],
+    };
+    let bones: Vec<BoneSegment> = shapes.iter().flat_map(bone).collect();
+    let made =
+        bone_heat(&model.mesh, &bones, &BoneHeatSettings::default(), &mut |at| progress(at.phase.label(), at.done));
+    made.map_err(|error| {
+        let what = format!("{}: {error}", args.mesh.display());
+        match error {
+            BoneHeatError::Cancelled(_) => Failure::usage(what, ""),
+            BoneHeatError::Factorisation(_) | BoneHeatError::Inaccurate { .. } => Failure::not_converged(what, ""),
+            _ => Failure::input(what, format!("`armature inspect {}` says more", args.mesh.display())),
+        }
+    })
+}

@@ -1,0 +1,139 @@
+//! What `armature weights` says about what it computed.
+
+use armature_character::{DomainKind, HandleWeights};
+use armature_weights::{BiharmonicOutcome, BoneHeat, HandleReport};
+use serde_json::{Value, json};
+
+use crate::cli::weight_args::WeightsArgs;
+use crate::talk::Talk;
+use crate::words::{counted, grouped};
+
+/// Bounded biharmonic weights, handle by handle.
+pub(super) fn say_biharmonic(args: &WeightsArgs, made: &HandleWeights, names: &[String], talk: Talk, seconds: f64) {
+    if args.json {
+        println!("{}", biharmonic_json(args, made, names, seconds));
+        return;
+    }
+    if talk.quiet {
+        return;
+    }
+    println!(
+        "{}: {} of {}, on {} of {}; {seconds:.2} s",
+        args.output.display(),
+        counted(made.weights.bones(), "handle", "handles"),
+        counted(made.weights.vertices(), "vertex", "vertices"),
+        domain_name(made.domain),
+        counted(made.domain_vertices, "vertex", "vertices"),
+    );
+    println!("  handle          energy  bound violation  wrong multiplier  active sets  error bound");
+    for (name, report) in names.iter().zip(&made.reports) {
+        match report {
+            Some(report) => println!("  {}", line(name, report)),
+            None => println!("  {name:10}  holds no vertex; its weights are zero"),
+        }
+    }
+    println!(
+        "  energy of all {:.10e}, no weight farther than {:.1e} from the optimal one",
+        made.energy(),
+        made.error_bound()
+    );
+    if let Some(n) = &made.normalisation {
+        println!(
+            "  scaled to sum to one: sums were off by {:.4} at most, {:.4} in the mean",
+            n.largest_deviation, n.mean_deviation
+        );
+    }
+    made.warnings.iter().for_each(|warning| eprintln!("note: {warning}"));
+}
+
+fn line(name: &str, report: &HandleReport) -> String {
+    format!(
+        "{name:10} {:>13.6e} {:>16.1e} {:>17.1e} {:>12} {:>12.1e}  {}",
+        report.energy,
+        report.largest_bound_violation,
+        report.largest_wrong_multiplier,
+        grouped(report.active_sets),
+        report.error_bound,
+        outcome(report.outcome),
+    )
+}
+
+fn outcome(outcome: BiharmonicOutcome) -> &'static str {
+    match outcome {
+        BiharmonicOutcome::Converged => "converged",
+        BiharmonicOutcome::LimitReached => "limit reached",
+    }
+}
+
+fn domain_name(domain: DomainKind) -> &'static str {
+    match domain {
+        DomainKind::Volume => "a volume",
+        DomainKind::Flat => "the flat figure",
+        DomainKind::OwnTetrahedra => "its own tetrahedra",
+        DomainKind::Surface => "the surface",
+    }
+}
+
+fn biharmonic_json(args: &WeightsArgs, made: &HandleWeights, names: &[String], seconds: f64) -> Value {
+    let handle = |(name, report): (&String, &Option<HandleReport>)| match report {
+        None => json!({"name": name, "outcome": "holds nothing"}),
+        Some(report) => json!({
+            "name": name,
+            "energy": report.energy,
+            "largest_bound_violation": report.largest_bound_violation,
+            "largest_wrong_multiplier": report.largest_wrong_multiplier,
+            "stationarity": report.stationarity,
+            "gap": report.gap,
+            "error_bound": report.error_bound,
+            "active_sets": report.active_sets,
+            "outcome": outcome(report.outcome),
+        }),
+    };
+    json!({
+        "file": args.output.display().to_string(),
+        "method": "bounded biharmonic",
+        "domain": domain_name(made.domain),
+        "domain_vertices": made.domain_vertices,
+        "vertices": made.weights.vertices(),
+        "handles": names.iter().zip(&made.reports).map(handle).collect::<Vec<_>>(),
+        "energy": made.energy(),
+        "error_bound": made.error_bound(),
+        "unconverged": made.unconverged(),
+        "normalised": made.normalisation.is_some(),
+        "largest_deviation": made.normalisation.as_ref().map(|n| n.largest_deviation),
+        "mean_deviation": made.normalisation.as_ref().map(|n| n.mean_deviation),
+        "warnings": made.warnings,
+        "seconds": seconds,
+    })
+}
+
+/// Bone heat weights.
+pub(super) fn say_heat(args: &WeightsArgs, made: &BoneHeat, names: &[String], talk: Talk, seconds: f64) {
+    let cold: Vec<&str> = made.report.cold_bones.iter().map(|&bone| names[bone].as_str()).collect();
+    if args.json {
+        let value = json!({
+            "file": args.output.display().to_string(),
+            "method": "bone heat",
+            "vertices": made.weights.vertices(),
+            "handles": names.iter().map(|name| json!({"name": name})).collect::<Vec<_>>(),
+            "residual": made.residual,
+            "cold": cold,
+            "seconds": seconds,
+        });
+        println!("{value}");
+        return;
+    }
+    if talk.quiet {
+        return;
+    }
+    println!(
+        "{}: {} of {} by bone heat, residual {:.1e}; {seconds:.2} s",
+        args.output.display(),
+        counted(made.weights.bones(), "handle", "handles"),
+        counted(made.weights.vertices(), "vertex", "vertices"),
+        made.residual,
+    );
+    if !cold.is_empty() {
+        eprintln!("note: these handles move no part of the mesh: {}", cold.join(", "));
+    }
+}

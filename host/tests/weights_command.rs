@@ -1,0 +1,173 @@
+//! Weights as a user computes them: files that other programs read, reports, pictures, errors that help.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
+mod common;
+
+use armature_character::{DomainKind, Provenance, WeightsRecord};
+use armature_formats::{NumberTable, read_dmat, read_npy, write_npy};
+use common::{Place, TUBE_TGF, shared, tube_obj};
+use serde_json::Value;
+
+/// The tube, its two bones, and a point at its upper end.
+fn tube(name: &str) -> Place {
+    let place = Place::new(name);
+    place.write("tube.obj", tube_obj());
+    place.write("bones.tgf", TUBE_TGF);
+    place.write("point.tgf", TUBE_TGF.replacen("#\n", "4 0.1 1.9 0\n#\n", 1));
+    place
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+#[test]
+fn weights_are_written_for_other_programs_with_a_report_and_a_picture() {
+    let place = tube("weights");
+    let usual = ["weights", "tube.obj", "--handles", "point.tgf", "--vertices", "600"];
+    let more = ["--output", "w.npy", "--json", "--picture", "w.png", "--picture-of", "bone_2"];
+    let told = json(&place.done(&[&usual[..], &more].concat()).out);
+    let names: Vec<&str> = told["handles"].as_array().unwrap().iter().map(|h| h["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["point_4", "bone_1", "bone_2"]);
+    for handle in told["handles"].as_array().unwrap() {
+        assert_eq!(handle["outcome"], "converged");
+        assert!(handle["energy"].as_f64().unwrap() > 0.0 && handle["error_bound"].as_f64().unwrap() <= 2e-3);
+        assert!(handle["largest_bound_violation"].as_f64().unwrap() <= 0.0);
+    }
+    assert_eq!((&told["domain"], &told["unconverged"]), (&"a volume".into(), &0.into()));
+    assert!(place.read("w.png").starts_with(b"\x89PNG"));
+    let table = read_npy(&place.read("w.npy")).unwrap();
+    assert_eq!((table.rows, table.columns), (17 * 12 + 2, 3));
+    for row in 0..table.rows {
+        let all: Vec<f64> = (0..3).map(|column| table.values[column * table.rows + row]).collect();
+        assert!(
+            (all.iter().sum::<f64>() - 1.0).abs() < 1e-12 && all.iter().all(|w| (0.0..=1.0).contains(w)),
+            "{all:?}"
+        );
+    }
+    // The same as text, and told in words; other pictures.
+    let words = place.done(&[&usual[..], &["-o", "w.dmat", "--picture", "all.png"]].concat());
+    assert!(
+        words.out.contains("bone_1") && words.out.contains("converged") && words.out.contains("all.png"),
+        "{words:?}"
+    );
+    assert_eq!(read_dmat(&place.read("w.dmat")).unwrap(), table);
+    // Not normalised the sums are something else; on the surface alone, and by heat, so are the weights.
+    for more in [&["--no-normalize"][..], &["--on", "surface"], &["--method", "heat"], &["--method", "bbw-certified"]] {
+        let plain = ["weights", "tube.obj", "--handles", "point.tgf", "-o", "other.npy", "--quiet"];
+        let volume: &[&str] = if more[0] == "--no-normalize" || more[1] == "bbw-certified" { &usual[4..] } else { &[] };
+        assert_eq!(place.done(&[&plain[..], more, volume].concat()).out, "");
+        let other = read_npy(&place.read("other.npy")).unwrap();
+        assert!(other.rows == table.rows && other.columns == 3 && other != table, "{more:?}");
+    }
+}
+
+#[test]
+fn tetrahedra_that_come_with_a_mesh_are_used() {
+    let place = tube("weights-own");
+    place.done(&["volume", "tube.obj", "--skeleton", "bones.tgf", "--vertices", "500", "-o", "tube.mesh"]);
+    let told = json(&place.done(&["weights", "tube.mesh", "--handles", "bones.tgf", "--json"]).out);
+    assert_eq!(told["domain"], "its own tetrahedra");
+    assert_eq!(told["domain_vertices"], told["vertices"]);
+    let table = read_npy(&place.read("weights.npy")).unwrap();
+    assert_eq!((Value::from(table.rows), table.columns), (told["vertices"].clone(), 2));
+    // The same boundary values by number.
+    let fixed: Vec<usize> =
+        (0..table.rows).filter(|&r| table.values[r] >= 1.0 || table.values[table.rows + r] >= 1.0).collect();
+    let given = [0, 1].map(|c| fixed.iter().map(|&r| table.values[c * table.rows + r]).collect::<Vec<f64>>()).concat();
+    let rows = fixed.len();
+    let indices = NumberTable { rows, columns: 1, values: fixed.iter().map(|&v| v as f64).collect() };
+    place.write("b.npy", write_npy(&indices));
+    place.write("bc.npy", write_npy(&NumberTable { rows, columns: 2, values: given.clone() }));
+    let told =
+        json(&place.done(&["weights", "tube.mesh", "--boundary", "b.npy", "bc.npy", "--json", "-o", "b.dmat"]).out);
+    assert_eq!(told["handles"][1]["name"], "handle_2");
+    assert_eq!(read_dmat(&place.read("b.dmat")).unwrap().columns, 2);
+    // What does not fit is named.
+    place.write("short.npy", write_npy(&NumberTable { rows: 1, columns: 2, values: vec![1.0, 0.0] }));
+    place.write("far.npy", write_npy(&NumberTable { rows, columns: 1, values: vec![1e6; rows] }));
+    place.write("high.npy", write_npy(&NumberTable { rows, columns: 2, values: vec![1.5; 2 * rows] }));
+    let fails = |code, culprit: &str, b: &str, bc: &str| {
+        place.fails(code, culprit, &["weights", "tube.mesh", "--boundary", b, bc, "-o", "never.npy"]);
+    };
+    fails(3, "short.npy", "b.npy", "short.npy");
+    fails(3, "far.npy", "far.npy", "bc.npy");
+    fails(3, "between 0 and 1", "b.npy", "high.npy");
+    fails(3, "bones.tgf", "bones.tgf", "bc.npy");
+    fails(3, "none.npy", "none.npy", "bc.npy");
+    assert!(!place.path("never.npy").exists());
+}
+
+#[test]
+fn what_cannot_be_done_is_said_with_its_code() {
+    let place = tube("weights-bad");
+    place.write("far.tgf", "1 900 0.05 0\n2 900 1 0\n#\n1 2\n");
+    place.write("same.tgf", "1 0 0.05 0\n2 0 1 0\n3 0 0.05 0\n4 0 1 0\n5 0 1.5 0\n#\n1 2\n3 4\n2 5\n");
+    place.write("sheet.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n");
+    place.fails(2, "--handles", &["weights", "tube.obj"]);
+    place.fails(2, "out.txt", &["weights", "tube.obj", "--handles", "bones.tgf", "-o", "out.txt"]);
+    place.fails(
+        2,
+        "wing",
+        &["weights", "tube.obj", "--handles", "bones.tgf", "--picture", "p.png", "--picture-of", "wing"],
+    );
+    place.fails(2, "tube.obj", &["weights", "tube.obj", "--handles", "tube.obj"]);
+    place.fails(3, "none.tgf", &["weights", "tube.obj", "--handles", "none.tgf"]);
+    place.fails(3, "none.obj", &["weights", "none.obj", "--handles", "bones.tgf"]);
+    let odd = ["--vertices", "600", "-o", "odd.npy"];
+    let same = place.done(&[&["weights", "tube.obj", "--handles", "same.tgf"][..], &odd].concat());
+    assert!(same.err.contains("lie at one place and share its weights equally: bone_1, bone_2"), "{same:?}");
+    let far = place.run(&[&["weights", "tube.obj", "--handles", "far.tgf"][..], &odd].concat());
+    assert!(far.code == 3 || far.err.contains("outside of the shape"), "{far:?}");
+    // A sheet that is flat is a flat figure.
+    place.write("edge.tgf", "1 0.1 0.1 0\n2 0.4 0.3 0\n#\n1 2\n");
+    let flat = json(&place.done(&["weights", "sheet.obj", "--handles", "edge.tgf", "--json", "-o", "flat.npy"]).out);
+    assert_eq!(flat["vertices"], 4);
+}
+
+#[test]
+fn the_reference_for_the_hand_is_reproduced() {
+    let Some(hand) = shared("hand.mesh") else { return };
+    let reference = |name: &str| hand.with_file_name("../reference").join(name);
+    let place = Place::new("weights-hand");
+    let [b, bc] = ["hand-bbw-b.npy", "hand-bbw-bc.npy"].map(|name| reference(name).to_str().unwrap().to_owned());
+    let usual = ["weights", hand.to_str().unwrap(), "--boundary", &b, &bc, "--no-normalize", "--json", "-o", "w.npy"];
+    let told = json(&place.done(&usual).out);
+    let bound = told["error_bound"].as_f64().unwrap();
+    assert!(bound <= 2e-3 && told["warnings"][0].as_str().unwrap().contains("slivers"), "{told}");
+    let [made, expected] = [place.read("w.npy"), std::fs::read(reference("hand-bbw-w.npy")).unwrap()];
+    let [made, expected] = [made, expected].map(|bytes| read_npy(&bytes).unwrap());
+    assert_eq!((made.rows, made.columns), (expected.rows, expected.columns));
+    let apart = made.values.iter().zip(&expected.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // The certificate says the truth; the reference itself is good to about 4e-5.
+    assert!(apart <= bound + 1e-4, "{apart} with a bound of {bound}");
+}
+
+#[test]
+fn the_elephant_is_bound() {
+    let (Some(mesh), Some(bones)) = (shared("elephant.obj"), shared("elephant.tgf")) else { return };
+    let place = Place::new("bind-elephant");
+    let usual = ["bind", mesh.to_str().unwrap(), "-s", bones.to_str().unwrap(), "--vertices", "2500"];
+    let ran =
+        place.done(&[&usual[..], &["-o", "elephant.armature", "--picture", "e.png", "--picture-of", "all"]].concat());
+    assert!(ran.out.contains("bounded biharmonic weights on a volume"), "{ran:?}");
+    assert!(place.read("e.png").starts_with(b"\x89PNG"));
+    let elephant = armature_character::from_bytes(&place.read("elephant.armature")).unwrap();
+    let Provenance::Computed(WeightsRecord::Biharmonic(record)) = elephant.provenance else { panic!("not so") };
+    assert!(record.domain == DomainKind::Volume && record.unconverged == 0 && record.error_bound <= 2e-3, "{record:?}");
+    // Its arms stretch out to both sides and follow arm bones alone.
+    for (vertex, p) in elephant.mesh.vertices.iter().enumerate().filter(|(_, p)| p[0].abs() > 30.0 && p[1] < 60.0) {
+        let arm = if p[0] > 0.0 { 7..=10 } else { 11..=14 };
+        let own: f32 = elephant
+            .influences
+            .of_vertex(vertex)
+            .filter(|(bone, _)| {
+                let name = &elephant.skeleton.bones()[usize::from(*bone)].name;
+                arm.clone().any(|k| *name == format!("bone_{k}"))
+            })
+            .map(|(_, weight)| weight)
+            .sum();
+        assert!(own > 0.9, "{p:?} follows its arm by {own}");
+    }
+}
