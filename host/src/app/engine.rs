@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use armature_geometry::Influences;
-use armature_rig::{JointTree, PartUid, SensorState, Skeleton};
+use armature_rig::{CalibrationStep, JointTree, PartUid, SensorState, Skeleton};
 
 /// How many events may wait for the window.
 pub const EVENT_CAPACITY: usize = 256;
@@ -31,6 +31,9 @@ pub enum Command {
     ListDevices,
     /// The puppet is in the rest pose now: make this zero.
     Zero,
+    /// Begin a calibration step: [`EngineEvent::Busy`] tells what the person is to do, [`EngineEvent::Calibrated`] what
+    /// came of it.
+    Calibrate(CalibrationStep),
     /// Begin a take; the engine chooses the file's name.
     StartRecording,
     /// Finish the take; answered by [`EngineEvent::Saved`].
@@ -98,6 +101,15 @@ pub enum EngineEvent {
         sensors: usize,
         /// How many sensors could not be zeroed because they gave no good reading.
         unreadable: usize,
+    },
+    /// A calibration step is over.
+    Calibrated {
+        /// The step.
+        step: CalibrationStep,
+        /// Sensors or parts that it measured.
+        measured: usize,
+        /// Those that it could not measure; they keep what they had.
+        failed: usize,
     },
     /// A take is being written.
     Recording {

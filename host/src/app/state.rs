@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use armature_rig::{JointAxis, JointTree, PartKind, PartUid, SensorState};
+use armature_rig::{CalibrationStep, JointAxis, JointTree, PartKind, PartUid, SensorState};
 
 use super::engine::{CharacterChoice, CharacterView, Command, EngineEvent, FoundDevice, Frame, Problem};
 
@@ -41,6 +41,8 @@ pub enum Action {
     DismissNotice(usize),
     /// Close the card of the last take.
     DismissSaved,
+    /// Begin a calibration step.
+    Calibrate(CalibrationStep),
     /// Close the card of the last zero.
     DismissZeroed,
 }
@@ -89,11 +91,13 @@ pub struct SavedTake {
     pub lost: u64,
 }
 
-/// A zero that was taken.
+/// A zero that was taken, or another step of the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Zeroed {
     /// Grows with every zero of this window.
     pub number: u64,
+    /// What was calibrated.
+    pub step: CalibrationStep,
     /// Sensors that have a zero now.
     pub sensors: usize,
     /// Sensors that gave no good reading.
@@ -216,7 +220,12 @@ impl State {
             EngineEvent::Mapping { bone_of_part, solved } => (self.bone_of_part, self.solved) = (bone_of_part, solved),
             EngineEvent::Zeroed { sensors, unreadable } => {
                 self.zeros += 1;
-                self.zeroed = Some(Zeroed { number: self.zeros, sensors, unreadable });
+                let step = CalibrationStep::Zero;
+                self.zeroed = Some(Zeroed { number: self.zeros, step, sensors, unreadable });
+            }
+            EngineEvent::Calibrated { step, measured, failed } => {
+                self.zeros += 1;
+                self.zeroed = Some(Zeroed { number: self.zeros, step, sensors: measured, unreadable: failed });
             }
             EngineEvent::Recording { seconds, samples } => {
                 self.saved = None;
@@ -269,6 +278,7 @@ impl State {
             }
             Action::ListDevices => Some(Command::ListDevices),
             Action::Zero => self.is_live().then_some(Command::Zero),
+            Action::Calibrate(step) => self.is_live().then_some(Command::Calibrate(step)),
             Action::ToggleRecording if self.recording.is_some() => Some(Command::StopRecording),
             Action::ToggleRecording => self.is_live().then_some(Command::StartRecording),
             Action::Load(choice) => {

@@ -1,4 +1,4 @@
-use armature_rig::{Bone, Part, Skeleton, Transform};
+use armature_rig::{Bone, CalibrationStep, Part, Skeleton, Transform};
 
 use super::*;
 use crate::app::engine::Stats;
@@ -64,6 +64,20 @@ fn zero_and_record_need_a_live_puppet() {
     assert_eq!(state.act(Action::ToggleRecording), Some(Command::StopRecording));
     state.update_state(EngineEvent::Saved { path: "a.take".into(), seconds: 2.0, samples: 800, lost: 0 });
     assert_eq!((state.recording, state.saved.as_ref().map(|s| s.samples)), (None, Some(800)));
+}
+
+#[test]
+fn a_calibration_step_is_told_and_can_be_given_up() {
+    let mut state = connected();
+    let step = CalibrationStep::Sweep;
+    assert_eq!(state.act(Action::Calibrate(step)), Some(Command::Calibrate(step)));
+    assert_eq!(state.act(Action::Cancel), None, "nothing is under way yet");
+    state.update_state(EngineEvent::Busy { task: "Get ready, 3 s".into(), fraction: None });
+    assert_eq!(state.act(Action::Cancel), Some(Command::Cancel));
+    state.update_state(EngineEvent::Idle);
+    state.update_state(EngineEvent::Calibrated { step, measured: 40, failed: 5 });
+    assert!(matches!(state.zeroed, Some(Zeroed { step: CalibrationStep::Sweep, sensors: 40, unreadable: 5, .. })));
+    assert_eq!(State::default().act(Action::Calibrate(step)), None, "there is no puppet");
 }
 
 #[test]

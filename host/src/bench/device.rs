@@ -109,10 +109,13 @@ fn soak(seconds: u64) -> Result<Vec<Measurement>, Failure> {
     let mut session = Session::new(SessionSettings::default());
     session.start(1_000_000);
     let (mut heard, mut bytes, mut events) = (Heard::default(), Vec::new(), Vec::new());
-    let mut costs: Vec<f64> = Vec::with_capacity(usize::try_from(seconds * 1_000).unwrap_or(0));
-    let mut early = 0;
     // A moment more than whole seconds, so that nothing is on its way at the end.
-    for micros in (0..seconds * MICROS + 700_000).step_by(STEP_MICROS as usize) {
+    let steps = (seconds * MICROS + 700_000) / STEP_MICROS;
+    // Written to once, so that all its memory is taken before it is looked at.
+    let mut costs = vec![f64::MAX; usize::try_from(steps).unwrap_or(0)];
+    let mut early = 0;
+    for (step, cost) in (0..steps).zip(&mut costs) {
+        let micros = step * STEP_MICROS;
         if micros >= seconds * MICROS / 4 && early == 0 {
             early = resident_kib();
         }
@@ -122,7 +125,7 @@ fn soak(seconds: u64) -> Result<Vec<Measurement>, Failure> {
         puppet.step(micros, &session.take_outgoing(), &mut bytes);
         let began = Instant::now();
         session.receive(now, &bytes, &mut events);
-        costs.push(began.elapsed().as_secs_f64() * 1e6);
+        *cost = began.elapsed().as_secs_f64() * 1e6;
         for event in events.drain(..) {
             match event {
                 Event::Sample(sample) => heard.sample(micros, &sample),
@@ -140,14 +143,14 @@ fn soak(seconds: u64) -> Result<Vec<Measurement>, Failure> {
     let intact = truth.samples_sent - truth.samples_damaged;
     let samples = usize::try_from(intact).unwrap_or(usize::MAX);
     costs.sort_by(f64::total_cmp);
-    let [cost, missing, recovery, memory] = [NAMES[0], NAMES[1], NAMES[2], NAMES[3]];
+    let [p99, missing, recovery, memory] = [NAMES[0], NAMES[1], NAMES[2], NAMES[3]];
     let lacking = intact.abs_diff(heard.delivered) as f64;
     Ok(vec![
-        Measurement::new(cost, percentile(&costs, 0.99), "µs", costs.len()).at_most(300.0, "at most 0.3 ms a sample"),
+        Measurement::new(p99, percentile(&costs, 0.99), "µs", costs.len()).at_most(300.0, "at most 0.3 ms a sample"),
         Measurement::new(missing, lacking, "samples", samples).at_most(0.0, "every intact frame, exactly once"),
         Measurement::new(recovery, heard.longest_recovery as f64 / 1e3, "ms", (seconds / PULLED_EVERY) as usize)
             .at_most(200.0, "at most 200 ms"),
-        Measurement::new(memory, grown as f64, "KiB", 1).at_most(4_096.0, "flat: less than 4 MiB in three quarters"),
+        Measurement::new(memory, grown as f64, "KiB", 1).at_most(1_024.0, "flat: less than 1 MiB in three quarters"),
     ])
 }
 

@@ -10,10 +10,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use armature_device::{DeviceProblem, Event};
-use armature_rig::Calibration;
+use armature_rig::{Calibration, Progress, StepError, StepReport, StepTimes};
 use armature_take::Header;
 
 use super::actor::Actor;
+use super::calibrating::step_failure;
 use super::completion::IkArgs;
 use super::live::{Live, parse_address};
 use super::perform::{Next, Source};
@@ -80,6 +81,7 @@ struct Heard {
     posed: bool,
     new_topology: bool,
     told: Vec<EngineEvent>,
+    calibrated: Option<Result<StepReport, StepError>>,
     ended: Option<DeviceProblem>,
 }
 
@@ -130,6 +132,12 @@ impl Show {
                 self.stage.iter_mut().for_each(Stage::request_zero);
                 Ok(())
             }
+            Command::Calibrate(step) => {
+                if let (Some(stage), Some(connected)) = (&mut self.stage, &self.live) {
+                    stage.begin_calibration(step, StepTimes::default(), connected.live.now());
+                }
+                Ok(())
+            }
             Command::StartRecording => self.start_recording(),
             Command::StopRecording => self.stop_recording(),
             Command::LoadCharacter(choice) => self.load(&choice),
@@ -137,6 +145,7 @@ impl Show {
                 if let Some(loading) = &self.loading {
                     loading.cancel.store(true, Ordering::Relaxed);
                 }
+                self.end_calibration();
                 Ok(())
             }
             Command::Blink(uid) => {
@@ -203,6 +212,7 @@ impl Show {
 
     fn disconnect(&mut self, why: Option<Problem>) -> Result<(), Failure> {
         self.connecting = None;
+        self.end_calibration();
         let saved = self.stop_recording();
         if let Some(connected) = self.live.take() {
             connected.live.close();
@@ -306,6 +316,9 @@ impl Show {
     fn look_after_puppet(&mut self) -> Result<(), Failure> {
         let mut heard = Heard::default();
         let listened = self.listen(&mut heard);
+        if let Some(finished) = heard.calibrated.take() {
+            self.calibrated(finished)?;
+        }
         heard.told.into_iter().for_each(|event| self.link.send(event));
         if heard.new_topology {
             self.tell_topology();
@@ -314,9 +327,51 @@ impl Show {
             self.tell_frame();
         }
         listened?;
+        self.look_after_calibration()?;
         match heard.ended {
             Some(trouble) => self.disconnect(Some(Problem { what: trouble.to_string(), remedy: String::new() })),
             None => Ok(()),
+        }
+    }
+
+    /// Tells where the calibration step that is under way stands; ends it where no sample comes to do so.
+    fn look_after_calibration(&mut self) -> Result<(), Failure> {
+        let (Some(stage), Some(connected)) = (&mut self.stage, &self.live) else { return Ok(()) };
+        let now = connected.live.now();
+        let (words, left, instruction) = match stage.calibration_progress(now) {
+            Some(Progress::Countdown { seconds_left, instruction }) => ("Get ready", seconds_left, instruction),
+            Some(Progress::Measuring { seconds_left, instruction }) => ("Measuring", seconds_left, instruction),
+            Some(Progress::Over) => {
+                return match stage.calibrate(now)? {
+                    Some(finished) => self.calibrated(finished),
+                    None => Ok(()),
+                };
+            }
+            None => return Ok(()),
+        };
+        let task = format!("{words}, {:.0} s: {instruction}", left.ceil());
+        self.link.send(EngineEvent::Busy { task, fraction: None });
+        Ok(())
+    }
+
+    fn calibrated(&mut self, finished: Result<StepReport, StepError>) -> Result<(), Failure> {
+        self.link.send(EngineEvent::Idle);
+        let report = finished.map_err(|error| step_failure(&error))?;
+        let failed = report.findings.iter().filter(|found| found.finding.is_bad()).count();
+        let measured = report.findings.len() - failed;
+        self.link.send(EngineEvent::Calibrated { step: report.step, measured, failed });
+        match (&self.live, &self.stage) {
+            (Some(connected), Some(stage)) => save_calibration(connected, stage),
+            _ => Ok(()),
+        }
+    }
+
+    /// Gives up the calibration step that is under way.
+    fn end_calibration(&mut self) {
+        let Some(stage) = &mut self.stage else { return };
+        if stage.calibration_progress(0.0).is_some() {
+            stage.cancel_calibration();
+            self.link.send(EngineEvent::Idle);
         }
     }
 
@@ -335,6 +390,9 @@ impl Show {
             };
             let outcome = stage.handle(&event)?;
             heard.posed |= outcome.posed;
+            if let Some(finished) = outcome.calibrated {
+                heard.calibrated = Some(finished);
+            }
             if let Some(report) = &outcome.zeroed {
                 heard.told.push(EngineEvent::Zeroed { sensors: report.zeroed, unreadable: report.skipped.len() });
                 save_calibration(connected, stage)?;

@@ -1,5 +1,6 @@
 //! Cards over the picture's upper right: problems with their remedy, the last take, long work.
 
+use armature_rig::CalibrationStep;
 use eframe::egui::{self, Align, Color32, Layout, RichText, Ui};
 
 use super::widgets::{self, clock, grouped, sentence};
@@ -40,19 +41,32 @@ fn zeroed(ui: &mut Ui, zero: Zeroed, actions: &mut Vec<Action>) {
     let (number, since) = ui.data(|data| data.get_temp(seen)).unwrap_or((0, now));
     let since = if number == zero.number { since } else { now };
     ui.data_mut(|data| data.insert_temp(seen, (zero.number, since)));
-    let Zeroed { sensors, unreadable, .. } = zero;
+    let Zeroed { step, sensors, unreadable, .. } = zero;
+    let taken = match step {
+        CalibrationStep::Zero => format!("Zero taken for {sensors} sensors"),
+        CalibrationStep::Sweep => format!("Range and direction found for {sensors} sensors"),
+        CalibrationStep::Mounting => format!("Mounting found for {sensors} parts"),
+        CalibrationStep::Heading if sensors > 0 => "The puppet faces forward now".to_owned(),
+        CalibrationStep::Heading => "No heading found".to_owned(),
+    };
     if unreadable > 0 {
         card(ui, theme::AMBER, |ui| {
-            let text = format!("Zero taken for {sensors} sensors, but not for {unreadable}");
-            title(ui, &text, "Close", || actions.push(Action::DismissZeroed));
-            widgets::quiet(
-                ui,
-                "Those gave no good reading. Look for grey, amber and violet dots, then press Zero again.",
-            );
+            title(ui, &format!("{taken}, but not for {unreadable}"), "Close", || actions.push(Action::DismissZeroed));
+            let advice = match step {
+                CalibrationStep::Zero => {
+                    "Those gave no good reading or moved. Look for grey, amber and violet dots, then press Zero again."
+                }
+                CalibrationStep::Sweep => "Those hardly moved, or too fast; they keep what they had. Sweep them again.",
+                CalibrationStep::Mounting => {
+                    "Those were not bent and twisted, or never zeroed; they keep what they had."
+                }
+                CalibrationStep::Heading => "No part of the puppet moves a bone of this character.",
+            };
+            widgets::quiet(ui, advice);
         });
     } else if now - since < ZERO_SECONDS {
         card(ui, theme::GREEN, |ui| {
-            ui.label(RichText::new(format!("Zero taken for {sensors} sensors")).strong());
+            ui.label(RichText::new(taken).strong());
         });
         ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(ZERO_SECONDS - (now - since)));
     }

@@ -1,5 +1,6 @@
 //! The bar at the bottom of the picture: zero, record, frame, bones.
 
+use armature_rig::CalibrationStep;
 use eframe::egui::{self, Align, Layout, Rect, Ui, UiBuilder, Vec2, vec2};
 
 use super::widgets;
@@ -22,7 +23,16 @@ pub(super) fn show(ui: &mut Ui, rect: Rect, state: &State, actions: &mut Vec<Act
             ui.spacing_mut().item_spacing.x = GAP;
             let plain = |text: &'static str| egui::Button::new(text).min_size(Vec2::new(ZERO, HEIGHT));
             let zero = ui.add_enabled(live, plain("Zero"));
-            let hint = "The puppet is in the character's rest pose now: make this zero (Z)";
+            zero.context_menu(|ui| {
+                for step in CalibrationStep::ALL {
+                    if ui.button(format!("Calibrate: {step}")).clicked() {
+                        actions.push(Action::Calibrate(step));
+                        ui.close();
+                    }
+                }
+            });
+            let hint = "The puppet is in the character's rest pose now: make this zero (Z). \
+                        A right click offers the steps of a calibration, with a countdown";
             if zero.on_hover_text(hint).on_disabled_hover_text("Connect a puppet first").clicked() {
                 actions.push(Action::Zero);
             }
