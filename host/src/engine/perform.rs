@@ -303,7 +303,10 @@ fn filter_line(performance: &Performance, period: f64) -> Option<String> {
         let _ = write!(line, "; {own} parts have a filter of their own");
     }
     let (least, most) = performance.lag_seconds();
-    Some(format!("{line}; at the end {:.0} to {:.0} ms", least * 1e3, most * 1e3))
+    if most > 0.0 {
+        let _ = write!(line, "; at the end {:.0} to {:.0} ms", least * 1e3, most * 1e3);
+    }
+    Some(line)
 }
 
 impl fmt::Display for Summary {

@@ -261,7 +261,7 @@ impl CalibrationRun {
             }
             CalibrationStep::Heading => {
                 let heading = self.heading.map(|(part, sines, cosines)| (part, libm::atan2(sines, cosines)));
-                Ok(heading_report(calibration, heading))
+                Ok(heading_report(&tree, calibration, heading))
             }
         }
     }

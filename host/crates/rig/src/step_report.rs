@@ -230,8 +230,18 @@ fn part_turn(
     Ok((angle > TURNED).then(|| turn.xyz().normalize()))
 }
 
-pub(crate) fn heading_report(mut calibration: Calibration, heading: Option<(PartUid, f64)>) -> StepReport {
+pub(crate) fn heading_report(
+    tree: &JointTree,
+    mut calibration: Calibration,
+    heading: Option<(PartUid, f64)>,
+) -> StepReport {
+    // A sensor that was never zeroed is taken to be in the rest pose, whichever way the puppet faces.
+    let is_zeroed = |part: PartUid| {
+        let sensors = calibration.part(part).unwrap_or_default();
+        tree.find(part).is_some() && sensors.iter().all(|sensor| sensor.zero_counts.is_some())
+    };
     let (part, finding) = match heading {
+        Some((part, _)) if !is_zeroed(part) => (Some(part), Finding::NotZeroed),
         Some((part, heading)) => {
             let settings = PartSettings { heading, ..calibration.part_settings(part) };
             calibration.set_part_settings(part, settings);

@@ -249,6 +249,12 @@ fn heading_makes_what_the_puppet_faces_the_front_and_leaves_its_lean() {
         );
         calibration = report.calibration;
     }
+    let mut unzeroed = CalibrationRun::begin(CalibrationStep::Heading, TIMES, 0.0);
+    let root_turn = Some((uid(0), Quat::IDENTITY));
+    unzeroed.take(&Reading { now: 3.1, sample: &sample, tree: &tree, root_turn });
+    let report = unzeroed.finish(&Calibration::for_tree(&tree), None).unwrap();
+    assert_eq!(report.findings[0].finding, Finding::NotZeroed, "what was never zeroed faces nowhere");
+
     let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
     solver.solve(0, &counts, &sample.states, &mut pose).unwrap();
