@@ -4,6 +4,7 @@
 //! cancelled. Equal input gives equal weights whatever the number of threads.
 
 mod active_set;
+mod additional_weights;
 mod alternating_directions;
 mod biharmonic_check;
 mod biharmonic_energy;
@@ -13,6 +14,7 @@ mod cholesky;
 mod endpoint_weights;
 mod finish_weights;
 mod free_descent;
+mod free_joints;
 mod gather_reports;
 mod handle_boundary;
 mod heat_sources;
@@ -27,6 +29,9 @@ mod shape_preservation;
 mod sparsify;
 mod weight_matrix;
 
+pub use additional_weights::{
+    AdditionalError, AdditionalOutcome, AdditionalSettings, AdditionalWeights, additional_weights,
+};
 pub use biharmonic_check::BiharmonicError;
 pub use bone_heat::{BoneHeat, BoneHeatError, BoneHeatReport, BoneHeatSettings, bone_heat};
 pub use bounded_biharmonic::{
@@ -36,6 +41,7 @@ pub use bounded_biharmonic::{
 pub use cholesky::{CholeskyError, SparseCholesky};
 pub use endpoint_weights::{EndpointWeights, OtherBones, endpoint_weights, endpoint_weights_of_influences};
 pub use finish_weights::{Normalisation, follow_nearest_handle, normalise};
+pub use free_joints::{FREE_NEAR_JOINTS, free_joints};
 pub use handle_boundary::{CageFacet, Handle, HandleBoundary, HandleError, HandleKind, handle_boundary};
 pub use heat_sources::{BoneSegment, Visibility};
 pub use joint_weights::{JointWeights, endpoint_weights_from_joints, joint_weights};

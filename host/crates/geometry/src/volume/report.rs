@@ -42,6 +42,8 @@ pub struct VolumeReport {
     pub elements_for_bones: usize,
     /// Elements at the boundary, flat up to rounding, that are not part of the volume.
     pub flat_elements_left_out: usize,
+    /// Slivers at the boundary of an embedded volume that could not be made better and are not part of it.
+    pub slivers_left_out: usize,
     /// Pieces of the volume, joined through facets.
     pub pieces: usize,
     /// Groups of bones, joined through their ends, that lie in more than one piece.

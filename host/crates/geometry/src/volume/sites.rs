@@ -9,8 +9,31 @@ use crate::{FastWindingNumber, TriangleHierarchy};
 
 /// Sites inside keep this many of their cell's sizes away from the surface and the bones.
 const APART: f64 = 0.6;
+/// Steps along one bone for which sizes are given.
+const MOST_STEPS: f64 = 4096.0;
 /// A site this sure to be inside is used.
 const INSIDE: f64 = 0.5;
+
+/// Cells along bones are this many times as large as the shell's spacing is in the middle. Graded from the surface
+/// alone, they would stay as large as a fixed share of its distance however fine the shell is, and weights, which
+/// change most around bones, would not converge. Half of it makes twice as many vertices inside.
+const ALONG_BONES: f64 = 1.0;
+
+/// Places along the segments, and how large cells may be there.
+pub(super) fn bone_sizes(segments: &[[[f64; 3]; 2]], mut spacing: Vec<f64>) -> Vec<([f64; 3], f64)> {
+    let middle = spacing.len() / 2;
+    if spacing.is_empty() {
+        return Vec::new();
+    }
+    let size = ALONG_BONES * *spacing.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let places = |segment: &[[f64; 3]; 2]| {
+        let [a, b] = segment.map(DVec3::from);
+        // Two places in each cell, so that none is passed over; bones longer than that are not of this shape.
+        let steps = (2.0 * a.distance(b) / size).ceil().clamp(1.0, MOST_STEPS) as u32;
+        (0..=steps).map(move |k| (a.lerp(b, f64::from(k) / f64::from(steps)).to_array(), size))
+    };
+    segments.iter().flat_map(places).collect()
+}
 
 /// Positions along a segment, its two ends included, no further apart than the cells there are large.
 pub(super) fn along(segment: [[f64; 3]; 2], octree: &Octree) -> Vec<[f64; 3]> {

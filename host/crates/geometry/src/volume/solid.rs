@@ -8,11 +8,12 @@ use rayon::prelude::*;
 use super::compact::compact;
 use super::elements::Elements;
 use super::inside::{Inside, bone_groups};
+use super::peel::peel_slivers;
 use super::shell::{Places, Shell};
 use super::tessellate::Tessellation;
 use super::{Field, Volume, VolumeError, VolumeInput};
 use crate::{
-    EmbedError, Embedding, ImproveError, ImproveSettings, SurfacePlace, SurfacePlaceHint, TetrahedralMesh,
+    Components, EmbedError, Embedding, ImproveError, ImproveSettings, SurfacePlace, SurfacePlaceHint, TetrahedralMesh,
     connected_components, dihedral_angles, embed_points, improve_tetrahedra,
 };
 
@@ -52,6 +53,9 @@ impl Solid {
             Ok(improvement) => whole.report.improvement = Some(improvement),
             Err(ImproveError::Cancelled) => return Err(VolumeError::Cancelled),
             Err(error) => return Err(VolumeError::Improvement(error)),
+        }
+        if keep_shell.is_none() {
+            whole.report.slivers_left_out = peel_slivers(&mut self.mesh, &fixed);
         }
         Ok(())
     }
@@ -108,7 +112,7 @@ fn inner_facets(elements: &Elements, labels: &[bool], mesh: &TetrahedralMesh) ->
 }
 
 /// Every facet of every element with its corners ascending, in their order.
-fn sorted_facets(mesh: &TetrahedralMesh) -> Vec<([u32; 3], u32)> {
+pub(super) fn sorted_facets(mesh: &TetrahedralMesh) -> Vec<([u32; 3], u32)> {
     let mut facets: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * mesh.tetrahedra.len());
     for (element, t) in mesh.tetrahedra.iter().enumerate() {
         for k in 0..4 {
@@ -125,12 +129,17 @@ fn positions(mesh: &TetrahedralMesh) -> impl Iterator<Item = [DVec3; 4]> + '_ {
     mesh.tetrahedra.iter().map(|t| t.map(|v| DVec3::from(mesh.vertices[v as usize])))
 }
 
-/// How many pieces there are, joined through facets, and how many groups of bones that share ends lie in several.
-fn pieces(mesh: &TetrahedralMesh, runs: &[Vec<u32>]) -> (usize, usize) {
+/// Elements that are joined through facets.
+pub(super) fn pieces_of(mesh: &TetrahedralMesh) -> Components {
     let facets = sorted_facets(mesh);
     let joined: Vec<[u32; 3]> =
         facets.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1, pair[1].1]).collect();
-    let pieces = connected_components(mesh.tetrahedra.len(), &joined);
+    connected_components(mesh.tetrahedra.len(), &joined)
+}
+
+/// How many pieces there are, joined through facets, and how many groups of bones that share ends lie in several.
+fn pieces(mesh: &TetrahedralMesh, runs: &[Vec<u32>]) -> (usize, usize) {
+    let pieces = pieces_of(mesh);
     let mut pieces_at: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices.len()];
     for (element, t) in mesh.tetrahedra.iter().enumerate() {
         for &v in t {

@@ -97,7 +97,10 @@ pub(super) fn tessellate(
 
 fn place(shell: &Shell, field: &Field, input: &VolumeInput<'_>, grading: f64, report: &mut VolumeReport) -> Sites {
     let used = || shell.mesh.vertices.iter().zip(&shell.spacing).filter(|(_, spacing)| spacing.is_finite());
-    let sized: Vec<([f64; 3], f64)> = used().map(|(&p, &s)| (p, grading * s)).collect();
+    let mut sized: Vec<([f64; 3], f64)> = used().map(|(&p, &s)| (p, grading * s)).collect();
+    if !matches!(shell.places, Places::AreVertices) {
+        sized.extend(sites::bone_sizes(input.segments, sized.iter().map(|(_, size)| size / grading).collect()));
+    }
     let (low, high) = shell.mesh.bounds().unwrap_or_default();
     let octree = Octree::new(low, high, &sized);
     let mut found = Sites { positions: Vec::new(), shell: Vec::new(), segments: Vec::new(), points: Vec::new() };

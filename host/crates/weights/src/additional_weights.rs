@@ -1,0 +1,319 @@
+//! Additional weight functions, which free a reduced deformation from its few handles (thesis 7.3.3): smooth bumps in
+//! weight space, centred as far from each other and from the handles as can be, so that they keep the nature of the
+//! weights they are added to.
+
+use rayon::prelude::*;
+
+use crate::WeightMatrix;
+
+/// How many functions, and how long their centres are moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AdditionalSettings {
+    /// Functions wanted. The thesis adds 15 to five handles and 30 to two.
+    pub count: usize,
+    /// Rounds in which each centre is moved once.
+    pub max_rounds: usize,
+}
+
+impl Default for AdditionalSettings {
+    /// The fifteen of thesis figure 7.9; centres mostly settle in five to twenty rounds.
+    fn default() -> Self {
+        Self { count: 15, max_rounds: 50 }
+    }
+}
+
+/// How the search for centres ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AdditionalOutcome {
+    /// No centre can be moved farther from the others.
+    Settled,
+    /// The rounds were used up; the functions are good all the same.
+    RoundLimit,
+}
+
+/// Additional weight functions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AdditionalWeights {
+    /// n vertices × p functions, each within 0..=1: 1 at its centre, and exactly 0 where a handle has the weight 1.
+    /// They do not sum to one, and need not: the handles' weights do.
+    pub weights: WeightMatrix,
+    /// The vertex at each function's centre; fewer than wanted where weights have too few different values.
+    pub centres: Vec<usize>,
+    /// How far from its centre, in weight space, each function comes to zero.
+    pub radii: Vec<f64>,
+    /// Rounds taken.
+    pub rounds: usize,
+    /// How the search ended.
+    pub outcome: AdditionalOutcome,
+}
+
+/// Why there are no additional weights.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum AdditionalError {
+    /// Weight space has no dimension or no points.
+    #[error("there are weights of {vertices} vertices on {handles} handles; both have to be at least one")]
+    Empty {
+        /// Vertices.
+        vertices: usize,
+        /// Handles.
+        handles: usize,
+    },
+    /// A weight is NaN or infinite.
+    #[error("vertex {vertex} has the weight {weight} on handle {handle}; weights have to be finite")]
+    NotFinite {
+        /// Zero-based vertex.
+        vertex: usize,
+        /// Zero-based handle.
+        handle: usize,
+        /// The value.
+        weight: f64,
+    },
+    /// The functions do not fit into memory.
+    #[error("there is not enough memory for {count} functions on {vertices} vertices")]
+    OutOfMemory {
+        /// Vertices.
+        vertices: usize,
+        /// Functions wanted.
+        count: usize,
+    },
+}
+
+/// Points in weight space nearer than this to each other or a corner count as one: no function fits between them.
+const SAME: f64 = 1e-3;
+/// A centre is moved only if that takes it farther from the others by this fraction, so that moving comes to an end.
+const FARTHER: f64 = 1e-9;
+
+/// Adds functions to the weights of m handles on n vertices, which sum to one at every vertex.
+///
+/// Centres are vertices: the search takes the farthest of all in place of a random sample, so that equal input gives
+/// equal functions whatever the number of threads. It takes time in proportion to n · p · (m + p) a round.
+pub fn additional_weights(
+    weights: &WeightMatrix,
+    settings: &AdditionalSettings,
+) -> Result<AdditionalWeights, AdditionalError> {
+    let (n, handles) = (weights.vertices(), weights.bones());
+    if n == 0 || handles == 0 {
+        return Err(AdditionalError::Empty { vertices: n, handles });
+    }
+    if let Some(at) = weights.values().iter().position(|w| !w.is_finite()) {
+        return Err(AdditionalError::NotFinite { vertex: at % n, handle: at / n, weight: weights.values()[at] });
+    }
+    let count = settings.count.min(n);
+    let out_of_memory = AdditionalError::OutOfMemory { vertices: n, count };
+    let mut distances: Vec<f64> = Vec::new();
+    let entries = n.checked_mul(count).ok_or(out_of_memory)?;
+    distances.try_reserve_exact(entries).map_err(|_| out_of_memory)?;
+    let mut seeds = Seeds { space: WeightSpace::new(weights), centres: Vec::new(), distances };
+    seeds.spread(count);
+    let mut rounds = 0;
+    let mut outcome = AdditionalOutcome::Settled;
+    while seeds.improve() {
+        rounds += 1;
+        if rounds >= settings.max_rounds {
+            outcome = AdditionalOutcome::RoundLimit;
+            break;
+        }
+    }
+    let radii: Vec<f64> =
+        (0..seeds.centres.len()).map(|seed| 2.0 * seeds.clearance(seeds.centres[seed], Some(seed))).collect();
+    let mut values = seeds.distances;
+    for (column, radius) in values.chunks_exact_mut(n).zip(&radii) {
+        column.iter_mut().for_each(|distance| *distance = bump(*distance / radius));
+    }
+    let weights = WeightMatrix::from_columns(n, radii.len(), values).ok_or(out_of_memory)?;
+    Ok(AdditionalWeights { weights, centres: seeds.centres, radii, rounds, outcome })
+}
+
+/// The cubic B-spline as a function of the distance from its middle, scaled to be 1 there and 0 from `t = 1` on.
+fn bump(t: f64) -> f64 {
+    let u = 2.0 * t;
+    match u {
+        u if u < 1.0 => 1.0 - 0.75 * u * u * (2.0 - u),
+        u if u < 2.0 => 0.25 * (2.0 - u).powi(3),
+        _ => 0.0,
+    }
+}
+
+/// Every vertex as the point of its weights.
+struct WeightSpace {
+    /// n×m, row by row.
+    points: Vec<f64>,
+    dimension: usize,
+    /// Half of each point's distance to the nearest corner, where one handle has the weight 1.
+    half_to_corner: Vec<f64>,
+}
+
+impl WeightSpace {
+    fn new(weights: &WeightMatrix) -> Self {
+        let (n, dimension) = (weights.vertices(), weights.bones());
+        let points: Vec<f64> = (0..n).flat_map(|vertex| weights.vertex(vertex)).collect();
+        let half_to_corner = points
+            .par_chunks_exact(dimension)
+            .map(|point| {
+                let corner = (0..dimension).map(|k| {
+                    let square = |(j, w): (usize, &f64)| (w - f64::from(u8::from(j == k))).powi(2);
+                    point.iter().enumerate().map(square).sum::<f64>()
+                });
+                0.5 * corner.fold(f64::INFINITY, f64::min).sqrt()
+            })
+            .collect();
+        Self { points, dimension, half_to_corner }
+    }
+
+    fn point(&self, vertex: usize) -> &[f64] {
+        &self.points[vertex * self.dimension..(vertex + 1) * self.dimension]
+    }
+
+    fn vertices(&self) -> usize {
+        self.half_to_corner.len()
+    }
+}
+
+/// Centres, and how far every vertex is from each of them.
+struct Seeds {
+    space: WeightSpace,
+    centres: Vec<usize>,
+    /// p×n, row by row.
+    distances: Vec<f64>,
+}
+
+impl Seeds {
+    /// Adds centres one by one, each as far from those before it as can be.
+    fn spread(&mut self, count: usize) {
+        while self.centres.len() < count {
+            let (farthest, clearance) = self.farthest(None);
+            if clearance < SAME {
+                break;
+            }
+            self.centres.push(farthest);
+            let row = self.distances_from(farthest);
+            self.distances.extend(row);
+        }
+    }
+
+    /// Moves every centre once to where it is farthest from the others (thesis eq. 7.20); whether one has moved.
+    fn improve(&mut self) -> bool {
+        let n = self.space.vertices();
+        let mut moved = false;
+        for seed in 0..self.centres.len() {
+            let (farthest, clearance) = self.farthest(Some(seed));
+            if clearance > (1.0 + FARTHER) * self.clearance(self.centres[seed], Some(seed)) {
+                self.centres[seed] = farthest;
+                let row = self.distances_from(farthest);
+                self.distances[seed * n..(seed + 1) * n].copy_from_slice(&row);
+                moved = true;
+            }
+        }
+        moved
+    }
+
+    /// The vertex farthest from all centres but one, the first of several, and how far that is.
+    fn farthest(&self, except: Option<usize>) -> (usize, f64) {
+        let better = |a: (usize, f64), b: (usize, f64)| if b.1 > a.1 || (b.1 >= a.1 && b.0 < a.0) { b } else { a };
+        (0..self.space.vertices())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|vertex| (vertex, self.clearance(vertex, except)))
+            .reduce(|| (usize::MAX, f64::NEG_INFINITY), better)
+    }
+
+    /// `d_i` (thesis eq. 7.21) of a vertex: how far it is from all centres but the i-th, or half as far as from the
+    /// nearest corner.
+    fn clearance(&self, vertex: usize, except: Option<usize>) -> f64 {
+        let n = self.space.vertices();
+        let others = (0..self.centres.len()).filter(|seed| Some(*seed) != except);
+        others.map(|seed| self.distances[seed * n + vertex]).fold(self.space.half_to_corner[vertex], f64::min)
+    }
+
+    fn distances_from(&self, centre: usize) -> Vec<f64> {
+        let centre = self.space.point(centre);
+        let apart = |point: &[f64]| point.iter().zip(centre).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        self.space.points.par_chunks_exact(self.space.dimension).with_min_len(1024).map(apart).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two handles at the ends of a line, and a third beside its middle.
+    fn line(vertices: usize) -> WeightMatrix {
+        let along = |k: usize| k as f64 / (vertices - 1) as f64;
+        let third = |k: usize| 0.5 * (1.0 - (2.0 * along(k) - 1.0).powi(2));
+        let columns: [Vec<f64>; 3] = [
+            (0..vertices).map(|k| (1.0 - third(k)) * (1.0 - along(k))).collect(),
+            (0..vertices).map(|k| (1.0 - third(k)) * along(k)).collect(),
+            (0..vertices).map(third).collect(),
+        ];
+        WeightMatrix::from_columns(vertices, 3, columns.concat()).unwrap()
+    }
+
+    #[test]
+    fn functions_are_bumps_that_vanish_at_handles() {
+        let found = additional_weights(&line(400), &AdditionalSettings { count: 6, max_rounds: 100 }).unwrap();
+        assert_eq!((found.outcome, found.centres.len()), (AdditionalOutcome::Settled, 6));
+        for (seed, &centre) in found.centres.iter().enumerate() {
+            let column = found.weights.bone(seed);
+            assert!(column.iter().all(|w| (0.0..=1.0).contains(w)) && (column[centre] - 1.0).abs() < 1e-12);
+            assert_eq!((column[0], column[399]), (0.0, 0.0), "at the handles");
+            let steepest = column.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+            assert!(steepest < 0.1, "{steepest}");
+            assert!(column.iter().filter(|w| **w > 0.0).count() < 390, "local");
+        }
+    }
+
+    #[test]
+    fn moving_centres_spreads_them() {
+        let weights = line(997);
+        let narrowest = |max_rounds: usize| {
+            let found = additional_weights(&weights, &AdditionalSettings { count: 7, max_rounds }).unwrap();
+            found.radii.iter().copied().fold(f64::INFINITY, f64::min)
+        };
+        let rounds: Vec<f64> = [1, 2, 4, 8, 100].map(narrowest).to_vec();
+        assert!(rounds.is_sorted() && rounds[4] > 1.02 * rounds[0], "{rounds:?}");
+    }
+
+    #[test]
+    fn the_bump_is_the_cubic_spline() {
+        for (t, wanted) in [(0.0, 1.0), (0.5, 0.25), (1.0, 0.0), (3.0, 0.0)] {
+            assert!((bump(t) - wanted).abs() < 1e-15, "{t}");
+        }
+        // Copies half a radius apart sum to a constant.
+        for t in [0.0, 0.1, 0.37, 0.49] {
+            let sum: f64 = (-2..=2).map(|shift| bump((t + 0.5 * f64::from(shift)).abs())).sum();
+            assert!((sum - 1.5).abs() < 1e-12, "{sum} at {t}");
+        }
+    }
+
+    #[test]
+    fn few_different_weights_give_few_functions() {
+        let rigid = WeightMatrix::from_columns(4, 2, vec![1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]).unwrap();
+        let found = additional_weights(&rigid, &AdditionalSettings::default()).unwrap();
+        assert!(found.centres.is_empty() && found.weights.bones() == 0);
+        let one_between = WeightMatrix::from_columns(3, 2, vec![1.0, 0.5, 0.0, 0.0, 0.5, 1.0]).unwrap();
+        assert_eq!(additional_weights(&one_between, &AdditionalSettings::default()).unwrap().centres, [1]);
+    }
+
+    #[test]
+    fn threads_change_no_bit() {
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| additional_weights(&line(5000), &AdditionalSettings::default()).unwrap())
+        };
+        assert_eq!(on(1), on(3));
+    }
+
+    #[test]
+    fn nonsense_is_named() {
+        let settings = AdditionalSettings::default();
+        let none = additional_weights(&WeightMatrix::default(), &settings);
+        assert_eq!(none, Err(AdditionalError::Empty { vertices: 0, handles: 0 }));
+        let bad = WeightMatrix::from_columns(2, 2, vec![1.0, 0.0, 0.0, f64::NAN]).unwrap();
+        assert!(matches!(
+            additional_weights(&bad, &settings),
+            Err(AdditionalError::NotFinite { vertex: 1, handle: 1, .. })
+        ));
+        let none = AdditionalSettings { count: 0, ..settings };
+        assert!(additional_weights(&line(9), &none).unwrap().centres.is_empty());
+    }
+}
