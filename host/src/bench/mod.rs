@@ -9,6 +9,7 @@ use crate::engine::latency::percentile;
 use crate::failure::Failure;
 
 mod bind;
+mod deform;
 mod device;
 mod heat;
 mod pose;
@@ -34,11 +35,13 @@ pub struct Measurement {
     pub peer: Option<(String, f64)>,
     /// What the number has to reach, in words, and whether it does; `None` where the number only informs.
     pub budget: Option<(&'static str, bool)>,
+    /// What else to know, such as a number that was measured elsewhere.
+    pub note: Option<&'static str>,
 }
 
 impl Measurement {
     fn new(name: &'static str, value: f64, unit: &'static str, runs: usize) -> Self {
-        Self { name, value, unit, runs, peer: None, budget: None }
+        Self { name, value, unit, runs, peer: None, budget: None, note: None }
     }
 
     fn at_most(mut self, limit: f64, words: &'static str) -> Self {
@@ -64,6 +67,9 @@ impl Measurement {
             object["budget"] = words.into();
             object["met"] = met.into();
         }
+        if let Some(note) = self.note {
+            object["note"] = note.into();
+        }
         object.to_string()
     }
 
@@ -75,6 +81,9 @@ impl Measurement {
         if let Some((peer, value)) = &self.peer {
             let (theirs, ratio) = (significant(*value), self.value / value);
             line = format!("{line}  {peer}: {theirs} {}, ratio {ratio:.3}", self.unit);
+        }
+        if let Some(note) = self.note {
+            line.extend(["  (", note, ")"]);
         }
         line
     }
@@ -95,6 +104,7 @@ struct Benchmark {
 const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: protocol::NAMES, run: protocol::run },
     Benchmark { names: pose::NAMES, run: pose::run },
+    Benchmark { names: deform::NAMES, run: deform::run },
     Benchmark { names: heat::NAMES, run: heat::run },
     Benchmark { names: winding::NAMES, run: winding::run },
     Benchmark { names: volume::NAMES, run: volume::run },

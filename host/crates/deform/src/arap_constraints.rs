@@ -1,6 +1,8 @@
 //! Which transformations are known, which equations hold between the others, and the inverse that answers for the
 //! rest (thesis eqs. 7.3 and 7.19).
 
+use std::borrow::Cow;
+
 use crate::arap_reduction::Reduction;
 use crate::dense::{Dense, Elimination, PivotedCholesky, eliminate, pivoted_cholesky};
 use crate::nearest_rotation::LANES;
@@ -24,6 +26,11 @@ pub(crate) enum Source {
     Rest([f64; 3]),
 }
 
+/// How much every motion is resisted by inertia, as a multiple of the mass matrix (one over stiffness and the square
+/// of the time step, thesis eq. 7.36).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Resistance(pub(crate) f64);
+
 /// The global step for one set of constraints: `T_open = Γ Rᵀ + targets_to_open · p − known_to_open · T_known`.
 ///
 /// Equations are eliminated by an orthonormal basis of what they leave open rather than by multipliers, so that
@@ -39,6 +46,8 @@ pub(crate) struct System {
     pub(crate) sources: Vec<Source>,
     pub(crate) targets_to_open: Dense,
     pub(crate) known_to_open: Dense,
+    /// open×4m, for shapes that move by themselves: what a force on each row of `T` adds.
+    pub(crate) force_to_open: Option<Dense>,
     /// `Γ`, open×3r.
     pub(crate) rotations_to_open: Dense,
     /// `K̃ Γ`, block by block: for each of the 3r columns the three rows of eight clusters.
@@ -52,6 +61,7 @@ impl System {
         reduction: &Reduction,
         constraints: &[HandleConstraint],
         anchors: &[Anchor],
+        resistance: Option<Resistance>,
     ) -> Result<Self, ArapError> {
         check_anchors(anchors, reduction.rows.vertex_count())?;
         let rows = 4 * reduction.handle_count;
@@ -64,14 +74,24 @@ impl System {
         let (known, open): (Vec<usize>, Vec<usize>) = (0..rows).partition(|&row| is_known(row));
         let mut system = Self { constraints: constraints.to_vec(), known, open, ..Self::default() };
         system.gather_equations(reduction, anchors);
-        let mut factored = system.factor(reduction);
+        let mut stiffness = Cow::Borrowed(&reduction.stiffness);
+        if let Some(Resistance(weight)) = resistance {
+            let inertia = &reduction.closeness.data;
+            let viscosity = reduction.viscosity();
+            stiffness.to_mut().data.iter_mut().zip(inertia).for_each(|(to, mass)| *to += weight * mass);
+            stiffness.to_mut().data.iter_mut().step_by(rows + 1).for_each(|to| *to += viscosity);
+        }
+        let mut factored = system.factor(&stiffness);
         let undecided = factored.factor.null_space().times(&factored.split.open);
         if undecided.rows > 0 {
             system.undetermined = undecided.rows;
             system.hold_at_rest(reduction, &undecided);
-            factored = system.factor(reduction);
+            factored = system.factor(&stiffness);
         }
-        system.collapse(reduction, &factored);
+        system.collapse(reduction, &stiffness, &factored);
+        if resistance.is_some() {
+            system.force_to_open = Some(system.answer_to_forces(rows, &factored));
+        }
         Ok(system)
     }
 
@@ -106,11 +126,11 @@ impl System {
         }
     }
 
-    fn factor(&self, reduction: &Reduction) -> Factored {
+    fn factor(&self, stiffness: &Dense) -> Factored {
         let split = eliminate(&self.equations.select(&(0..self.equations.rows).collect::<Vec<_>>(), &self.open));
-        let stiffness = reduction.stiffness.select(&self.open, &self.open);
-        let within = split.open.times(&stiffness).times(&split.open.transpose());
-        let factor = pivoted_cholesky(&within, UNDECIDED, ROUNDING * reduction.largest_stiffness());
+        let largest = (0..stiffness.rows).fold(0.0_f64, |largest, i| largest.max(stiffness.at(i, i)));
+        let within = split.open.times(&stiffness.select(&self.open, &self.open)).times(&split.open.transpose());
+        let factor = pivoted_cholesky(&within, UNDECIDED, ROUNDING * largest);
         Factored { split, factor }
     }
 
@@ -132,12 +152,19 @@ impl System {
         }
     }
 
-    fn collapse(&mut self, reduction: &Reduction, factored: &Factored) {
-        let Factored { split, factor } = factored;
-        let particular = &split.particular;
-        // H^-½ Z: its transpose times itself is the inverse Π of what the equations leave open.
-        let permuted = split.open.select(&factor.order, &(0..self.open.len()).collect::<Vec<_>>());
-        let whitened = &factor.solve_lower(&permuted);
+    fn answer_to_forces(&self, rows: usize, factored: &Factored) -> Dense {
+        let whitened = factored.whitened();
+        let inverse = whitened.transpose().times(&whitened);
+        let mut out = Dense::zeros(self.open.len(), rows);
+        for (i, to) in out.data.chunks_exact_mut(rows).enumerate() {
+            self.open.iter().zip(inverse.row(i)).for_each(|(&row, value)| to[row] = *value);
+        }
+        out
+    }
+
+    fn collapse(&mut self, reduction: &Reduction, stiffness: &Dense, factored: &Factored) {
+        let particular = &factored.split.particular;
+        let whitened = &factored.whitened();
         let all_clusters: Vec<usize> = (0..reduction.covariance.rows).collect();
         let covariance = reduction.covariance.select(&all_clusters, &self.open);
         let half = whitened.times(&covariance.transpose());
@@ -145,12 +172,12 @@ impl System {
         self.rotations_to_open = back.times(&half);
         let product = half.transpose().times(&half);
         // (1 − Π L) C: the particular solution, relaxed.
-        let stiffness = whitened.times(&reduction.stiffness.select(&self.open, &self.open));
-        let relaxed = back.times(&stiffness.times(particular));
+        let within = whitened.times(&stiffness.select(&self.open, &self.open));
+        let relaxed = back.times(&within.times(particular));
         self.targets_to_open = particular.clone();
         self.targets_to_open.data.iter_mut().zip(&relaxed.data).for_each(|(to, c)| *to -= c);
         let all: Vec<usize> = (0..self.equations.rows).collect();
-        let coupling = whitened.times(&reduction.stiffness.select(&self.open, &self.known));
+        let coupling = whitened.times(&stiffness.select(&self.open, &self.known));
         self.known_to_open = back.times(&coupling);
         let through_equations = self.targets_to_open.times(&self.equations.select(&all, &self.known));
         self.known_to_open.data.iter_mut().zip(&through_equations.data).for_each(|(to, c)| *to += c);
@@ -158,10 +185,19 @@ impl System {
     }
 }
 
+/// One decomposition for a set of constraints.
 struct Factored {
     split: Elimination,
     /// Of the stiffness `H` within what the equations leave open.
     factor: PivotedCholesky,
+}
+
+impl Factored {
+    /// `H^-½ Z`: its transpose times itself is the inverse `Π` of what the equations leave open.
+    fn whitened(&self) -> Dense {
+        let columns: Vec<usize> = (0..self.split.open.columns).collect();
+        self.factor.solve_lower(&self.split.open.select(&self.factor.order, &columns))
+    }
 }
 
 fn pack(product: &Dense, cluster_count: usize) -> Vec<[[f32; LANES]; 3]> {

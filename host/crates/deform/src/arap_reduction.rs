@@ -47,6 +47,8 @@ pub(crate) struct LinearBlendRows {
 /// Part of the identity beside the mass matrix: enough to decide for handles without weight, too little to be felt
 /// by the others.
 const IDENTITY_SHARE: f64 = 1e-6;
+/// Part of the largest stiffness: far above what rounding leaves of zero, far below what is felt.
+const VISCOSITY: f64 = 1e-8;
 /// Edges between two calls of the progress callback.
 const STRIDE: usize = 1 << 14;
 
@@ -93,8 +95,10 @@ impl Reduction {
         Vec3::from_array(point.map(|c| c as f32))
     }
 
-    pub(crate) fn largest_stiffness(&self) -> f64 {
-        (0..self.stiffness.rows).fold(0.0, |largest, i| largest.max(self.stiffness.at(i, i)))
+    /// What resists every change of a transformation in a step, however long: it decides what neither stiffness nor
+    /// a long step's inertia do, such as how a handle of a single vertex is turned.
+    pub(crate) fn viscosity(&self) -> f64 {
+        VISCOSITY * (0..self.stiffness.rows).fold(0.0_f64, |largest, i| largest.max(self.stiffness.at(i, i)))
     }
 
     /// The equation (one row of `M_eq`) that holds an anchor.

@@ -25,7 +25,7 @@ impl ReducedArap {
         anchor_targets: &[Vec3],
         stop: ArapStop,
     ) -> ArapReport {
-        let Self { reduction, system, state } = self;
+        let Self { reduction, system, state, .. } = self;
         let mut warnings = ArapWarnings { undetermined: 3 * system.undetermined, ..ArapWarnings::default() };
         warnings.unusable_targets = take_targets(reduction, system, state, handle_targets, anchor_targets);
         set_known(reduction, system, state);
@@ -135,7 +135,9 @@ fn set_base(reduction: &Reduction, system: &System, state: &mut State) {
         let base = &mut state.base[axis];
         for (i, &row) in system.open.iter().enumerate() {
             let from_known = dot(system.known_to_open.row(i), &state.given[axis]);
-            base[row] = dot(system.targets_to_open.row(i), &state.right[axis]) - from_known;
+            let pushed = system.force_to_open.as_ref().map_or(0.0, |push| dot(push.row(i), &state.force[axis]));
+            base[row] =
+                dot(system.targets_to_open.row(i), &state.right[axis][..system.equations.rows]) - from_known + pushed;
         }
         for &row in &system.known {
             base[row] = state.transposed[axis][row];

@@ -56,6 +56,13 @@ impl Dense {
         out
     }
 
+    /// Writes `self · vector`.
+    pub(crate) fn times_vector(&self, vector: &[f64], out: &mut [f64]) {
+        for (out, row) in out.iter_mut().zip(self.data.chunks_exact(self.columns.max(1))) {
+            *out = dot(row, vector);
+        }
+    }
+
     /// `self · other`.
     pub(crate) fn times(&self, other: &Self) -> Self {
         let mut out = Self::zeros(self.rows, other.columns);

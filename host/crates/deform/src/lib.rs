@@ -4,6 +4,7 @@
 //! runs every frame and allocates nothing. Pose time is `f32`. This crate does no I/O and reads no clock.
 
 mod arap_constraints;
+mod arap_dynamics;
 mod arap_energy;
 mod arap_reduction;
 mod arap_solve;
@@ -19,6 +20,7 @@ mod skin_blocks;
 mod stretch_twist_skinning;
 mod widest;
 
+pub use arap_dynamics::ArapDynamics;
 pub use arap_energy::ArapEnergy;
 pub use dual_quaternion_skinning::DualQuaternionSkin;
 pub use linear_blend_skinning::{LinearBlendSkin, SkinError};

@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use glam::{Affine3A, Vec3};
 
 use crate::arap_constraints::System;
+use crate::arap_dynamics::Motion;
 use crate::arap_energy::ArapEnergy;
 use crate::arap_reduction::{Reduction, reduce};
 use crate::nearest_rotation::{LANES, Matrices};
@@ -200,6 +201,9 @@ pub struct ReducedArap {
     pub(crate) reduction: Reduction,
     pub(crate) system: System,
     pub(crate) state: State,
+    pub(crate) motion: Motion,
+    /// Those of the last [`constrain`](Self::constrain).
+    pub(crate) anchors: Vec<Anchor>,
 }
 
 /// What a solve changes.
@@ -214,6 +218,8 @@ pub(crate) struct State {
     pub(crate) transposed: [Vec<f64>; 3],
     pub(crate) base: [Vec<f64>; 3],
     pub(crate) right: [Vec<f64>; 3],
+    /// What pulls at each row of `transposed`, where the shape moves by itself.
+    pub(crate) force: [Vec<f64>; 3],
     /// The given rows of `transposed`, side by side.
     pub(crate) given: [Vec<f64>; 3],
     /// The rotations at the end of a solve, 3r a coordinate.
@@ -247,6 +253,7 @@ impl ReducedArap {
             transposed: column(rows),
             base: column(rows),
             right: column(0),
+            force: column(rows),
             given: column(0),
             wide: column(3 * reduction.cluster_count),
             handle_targets: vec![Affine3A::IDENTITY; reduction.handle_count],
@@ -254,7 +261,9 @@ impl ReducedArap {
             transforms: vec![Affine3A::IDENTITY; reduction.handle_count],
         };
         let system = System::default();
-        let mut arap = Self { reduction, system, state };
+        let motion = Motion::new(rows);
+        let mut arap = Self { reduction, system, state, motion, anchors: Vec::new() };
+        arap.restart();
         let free = vec![HandleConstraint::Free; arap.handle_count()];
         arap.constrain(&free, &[])?;
         if progress(1.0).is_break() {
@@ -267,7 +276,9 @@ impl ReducedArap {
     /// remains the start of the next solve.
     pub fn constrain(&mut self, handles: &[HandleConstraint], anchors: &[Anchor]) -> Result<(), ArapError> {
         expect_length("constraints", handles.len(), self.handle_count())?;
-        self.system = System::new(&self.reduction, handles, anchors)?;
+        self.system = System::new(&self.reduction, handles, anchors, None)?;
+        self.anchors = anchors.to_vec();
+        self.motion.forget_systems();
         let equations = self.system.equation_count();
         self.state.right.iter_mut().for_each(|column| column.resize(equations, 0.0));
         self.state.given.iter_mut().for_each(|column| column.resize(self.system.known.len(), 0.0));
@@ -303,8 +314,12 @@ impl ReducedArap {
         &self.state.transforms
     }
 
-    /// Forgets the pose reached so far: the next solve starts from the rest pose.
+    /// Forgets the pose reached so far: the next solve or step starts from the rest pose, without speed.
     pub fn restart(&mut self) {
+        self.motion.stop();
+        for (axis, column) in self.state.transposed.iter_mut().enumerate() {
+            column.iter_mut().enumerate().for_each(|(row, entry)| *entry = f64::from(u8::from(row % 4 == axis)));
+        }
         for block in &mut self.state.rotations {
             for row in 0..3 {
                 for column in 0..3 {
@@ -318,7 +333,8 @@ impl ReducedArap {
     ///
     /// `handle_targets`: one `model_from_rest` map a handle. A full constraint takes all of it, an orientation its
     /// linear part, a position only where it takes the handle point, a free handle nothing. `anchor_targets`: where
-    /// each anchor goes. Allocates nothing.
+    /// each anchor goes. Allocates nothing. The shape stands still in its new pose: for momentum, see
+    /// [`step`](Self::step).
     pub fn solve(
         &mut self,
         handle_targets: &[Affine3A],
@@ -327,6 +343,7 @@ impl ReducedArap {
     ) -> Result<ArapReport, ArapError> {
         expect_length("handle targets", handle_targets.len(), self.handle_count())?;
         expect_length("anchor targets", anchor_targets.len(), self.state.anchor_targets.len())?;
+        self.motion.stop();
         Ok(self.local_global(handle_targets, anchor_targets, stop))
     }
 }

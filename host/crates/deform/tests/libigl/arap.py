@@ -79,6 +79,31 @@ def solve(name, vertices, elements, energy, turn, shift):
     print(name, len(vertices), len(elements))
 
 
+def swing(name, vertices, tetrahedra, stiffness, length, steps, gravity):
+    """Holds one end and lets the rest fall for a few implicit steps from rest (`with_dynamics`)."""
+    held = np.flatnonzero(vertices[:, 0] < 0.5)
+    data = igl.ARAPData()
+    data.energy = igl.ARAP_ENERGY_TYPE_ELEMENTS
+    data.with_dynamics = True
+    data.h, data.ym, data.max_iter = length, stiffness, 500
+    igl.arap_precomputation(vertices, tetrahedra, 3, held.astype(np.int32), data)
+    mass = igl.massmatrix(vertices, tetrahedra, igl.MASSMATRIX_TYPE_BARYCENTRIC).diagonal()
+    data.f_ext = mass[:, None] * gravity
+    posed = vertices.copy()
+    for _ in range(steps):
+        posed = igl.arap_solve(vertices[held], data, posed)
+    with open(pathlib.Path(__file__).with_name(f"{name}.txt"), "w") as out:
+        print("d", stiffness, length, steps, *gravity, file=out)
+        for key, rows, form in [("v", vertices, "%.9f"), ("e", tetrahedra, "%d")]:
+            for row in rows:
+                print(key, *(form % c for c in row), file=out)
+        for vertex in held:
+            print("h", vertex, *("%.9f" % c for c in vertices[vertex]), file=out)
+        for row in posed:
+            print("p", *("%.9f" % c for c in row), file=out)
+    print(name, np.abs(posed - vertices).max())
+
+
 def about_z(angle):
     return np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
 
@@ -95,3 +120,5 @@ solve("spokes", *surface, igl.ARAP_ENERGY_TYPE_SPOKES, bend, shift)
 solve("spokes-and-rims", *surface, igl.ARAP_ENERGY_TYPE_SPOKES_AND_RIMS, bend, shift)
 solve("tetrahedra", *volume, igl.ARAP_ENERGY_TYPE_ELEMENTS, bend, shift)
 solve("planar", *strip([8, 2]), igl.ARAP_ENERGY_TYPE_ELEMENTS, about_z(0.9)[:2, :2], np.array([-1.2, 2.0]))
+swing("swing", *volume, 4.0, 1.04**-105, 30, np.array([0.5, -10.0, 0.0]))
+swing("hang", *volume, 40.0, 1.04**-59, 400, np.array([0.5, -10.0, 0.0]))
