@@ -50,6 +50,16 @@ impl<'a> AlternatingDirections<'a> {
         Ok(Self { energy, penalty, factor })
     }
 
+    /// `ρ M` of every unknown.
+    pub(crate) fn penalty(&self) -> &[f64] {
+        &self.penalty
+    }
+
+    /// `(A + ρ M)⁻¹` times whole columns.
+    pub(crate) fn solve(&self, columns: &mut [f64]) -> Result<(), CholeskyError> {
+        self.factor.solve_here(columns)
+    }
+
     /// Takes `steps` steps from `weights` (whole columns of unknowns, within the bounds) with the right-hand sides
     /// `right`; leaves the new weights there and says which bound holds each.
     pub(crate) fn run(&self, right: &[f64], weights: &mut [f64], steps: usize) -> Result<Vec<Held>, CholeskyError> {

@@ -66,6 +66,14 @@ pub enum BiharmonicError {
         /// The value.
         weight: f64,
     },
+    /// Weights are to sum to one by themselves, but the given ones do not.
+    #[error("the weights given at vertex {vertex} sum to {sum}; only those that sum to one can do so everywhere")]
+    NoPartition {
+        /// Zero-based vertex.
+        vertex: usize,
+        /// Their sum.
+        sum: f64,
+    },
     /// A setting is out of its range.
     #[error("the setting {name} is {value}; it has to be {allowed}")]
     BadSetting {

@@ -119,7 +119,7 @@ pub struct BiharmonicWeights {
 }
 
 /// Handles guessed together; a constant, so that results do not depend on the number of threads.
-const BLOCK: usize = 5;
+pub(crate) const BLOCK: usize = 5;
 
 /// The guess's stiffness ρ in units of the mean Rayleigh quotient of the unbounded weights, `Σ wᵀAw / Σ wᵀMw`.
 /// Tuned on hand.mesh.
@@ -278,14 +278,14 @@ impl Solver<'_> {
 }
 
 /// What one handle's given weights do to the unknowns.
-struct RightHandSide {
-    values: Vec<f64>,
+pub(crate) struct RightHandSide {
+    pub(crate) values: Vec<f64>,
     /// Energy of the given weights alone.
     constant: f64,
 }
 
 impl RightHandSide {
-    fn new(problem: &BiharmonicProblem<'_>, energy: &BiharmonicEnergy, handle: usize) -> Self {
+    pub(crate) fn new(problem: &BiharmonicProblem<'_>, energy: &BiharmonicEnergy, handle: usize) -> Self {
         let given = problem.given(handle);
         let mut weights = vec![0.0; problem.mass.len()];
         problem.fixed.iter().zip(given).for_each(|(&vertex, &weight)| weights[vertex] = weight);
@@ -294,7 +294,7 @@ impl RightHandSide {
 }
 
 /// Weights without bounds, one column for every handle.
-fn unbounded(energy: &BiharmonicEnergy, right: &[RightHandSide]) -> Result<Vec<Vec<f64>>, CholeskyError> {
+pub(crate) fn unbounded(energy: &BiharmonicEnergy, right: &[RightHandSide]) -> Result<Vec<Vec<f64>>, CholeskyError> {
     let solve = |block: &[RightHandSide]| {
         let mut columns: Vec<f64> = block.iter().flat_map(|right| right.values.iter().copied()).collect();
         energy.factor.solve_here(&mut columns)?;
@@ -308,7 +308,11 @@ fn unbounded(energy: &BiharmonicEnergy, right: &[RightHandSide]) -> Result<Vec<V
 }
 
 /// `Σ wᵀAw / Σ wᵀMw` over all handles: the energy per mass at which weights resist.
-fn rayleigh_quotient(problem: &BiharmonicProblem<'_>, energy: &BiharmonicEnergy, columns: &[Vec<f64>]) -> f64 {
+pub(crate) fn rayleigh_quotient(
+    problem: &BiharmonicProblem<'_>,
+    energy: &BiharmonicEnergy,
+    columns: &[Vec<f64>],
+) -> f64 {
     let (mut energies, mut masses) = (0.0, 0.0);
     for (handle, column) in columns.iter().enumerate() {
         let weights = problem.whole(energy, handle, column);
@@ -382,7 +386,7 @@ impl BiharmonicProblem<'_> {
     }
 
     /// Given and computed weights of one handle together, n long.
-    fn whole(&self, energy: &BiharmonicEnergy, handle: usize, column: &[f64]) -> Vec<f64> {
+    pub(crate) fn whole(&self, energy: &BiharmonicEnergy, handle: usize, column: &[f64]) -> Vec<f64> {
         let mut weights = vec![0.0; self.mass.len()];
         energy.unknowns.iter().zip(column).for_each(|(&vertex, &weight)| weights[vertex as usize] = weight);
         self.fixed.iter().zip(self.given(handle)).for_each(|(&vertex, &weight)| weights[vertex] = weight);
@@ -390,7 +394,7 @@ impl BiharmonicProblem<'_> {
     }
 
     /// `½ wᵀ (L M⁻¹ L + K) w`, summed from squares, so that the huge entries of slivers do not cancel.
-    fn energy(&self, weights: &[f64]) -> f64 {
+    pub(crate) fn energy(&self, weights: &[f64]) -> f64 {
         let curvature = self.laplacian.multiply(weights);
         let squares = curvature.iter().zip(self.mass).filter(|(c, _)| **c != 0.0).map(|(c, m)| c * c / m);
         let kept = self

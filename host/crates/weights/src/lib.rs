@@ -12,6 +12,7 @@ mod bone_heat;
 mod bounded_biharmonic;
 mod cholesky;
 mod endpoint_weights;
+mod exact_partition;
 mod finish_weights;
 mod free_descent;
 mod free_joints;
@@ -40,6 +41,7 @@ pub use bounded_biharmonic::{
 };
 pub use cholesky::{CholeskyError, SparseCholesky};
 pub use endpoint_weights::{EndpointWeights, OtherBones, endpoint_weights, endpoint_weights_of_influences};
+pub use exact_partition::{ExactPartition, ExactPartitionReport, ExactPartitionSettings, exact_partition_weights};
 pub use finish_weights::{Normalisation, follow_nearest_handle, normalise};
 pub use free_joints::{FREE_NEAR_JOINTS, free_joints};
 pub use handle_boundary::{CageFacet, Handle, HandleBoundary, HandleError, HandleKind, handle_boundary};

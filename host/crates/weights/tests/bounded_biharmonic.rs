@@ -9,8 +9,8 @@ use armature_geometry::{
     Lumping, SparseMatrix, TetrahedralMesh, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra,
 };
 use armature_weights::{
-    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, Phase,
-    bounded_biharmonic_weights,
+    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, ExactPartition,
+    ExactPartitionSettings, Phase, bounded_biharmonic_weights, exact_partition_weights, normalise,
 };
 use support::{read_medit, read_npy, read_npy_indices, shared_data};
 
@@ -247,6 +247,63 @@ fn nonsense_is_named() {
     let settings = BiharmonicSettings { error_bound: 0.0, ..BiharmonicSettings::certified() };
     let refused = bounded_biharmonic_weights(&good().problem(), &settings, &mut |_| ControlFlow::Continue(()));
     assert!(matches!(refused, Err(BiharmonicError::BadSetting { name: "error_bound", .. })));
+}
+
+fn exact(setup: &Setup, error_bound: f64) -> ExactPartition {
+    let settings = ExactPartitionSettings { error_bound, max_steps: 20_000 };
+    exact_partition_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+/// Of two handles one's weights are what the other leaves, and both have the same energy: the coupled problem is the
+/// problem of one handle alone.
+#[test]
+fn two_handles_sum_to_one_on_their_own() {
+    let mut setup = held_bar(16);
+    let (first, second) = setup.given.split_at_mut(12);
+    first[8..].fill(0.25);
+    first.iter().zip(second).for_each(|(a, b)| *b = 1.0 - a);
+    setup.given.truncate(24);
+    setup.handles = 2;
+    let alone = setup.solve(&BiharmonicSettings::certified());
+    let exact = exact(&setup, 1e-4);
+    assert_eq!(exact.report.outcome, BiharmonicOutcome::Converged, "{:?}", exact.report);
+    let difference = largest_difference(exact.weights.values(), alone.weights.values());
+    assert!(difference <= exact.report.error_bound + 2e-5, "{difference} {:?}", exact.report);
+}
+
+#[test]
+fn exact_partitions_cost_least_among_partitions() {
+    let setup = held_bar(24);
+    let exact = exact(&setup, 1e-3);
+    assert_eq!(exact.report.outcome, BiharmonicOutcome::Converged, "{:?}", exact.report);
+    assert!(exact.report.largest_sum_error < 1e-12 && exact.weights.values().iter().all(|w| *w >= 0.0));
+    assert!((setup.energy(exact.weights.values()) / exact.report.energy - 1.0).abs() < 1e-9);
+    for (row, vertex) in setup.fixed.iter().enumerate() {
+        assert!(exact.weights.vertex(*vertex).eq(setup.given.iter().skip(row).step_by(12).copied()));
+    }
+    // The handles' own minima bound the energy from below, any other partition from above.
+    let mut alone = setup.solve(&BiharmonicSettings::certified());
+    let least: f64 = alone.reports.iter().map(|report| report.energy - report.gap).sum();
+    normalise(&mut alone.weights);
+    let normalised = setup.energy(alone.weights.values());
+    let found = exact.report.energy;
+    assert!(least <= found && found - exact.report.gap <= normalised, "{least} {found} {normalised}");
+}
+
+#[test]
+fn given_weights_that_do_not_sum_to_one_are_named() {
+    let mut setup = held_bar(4);
+    setup.given[0] = 0.5;
+    let settings = ExactPartitionSettings::default();
+    let refused = exact_partition_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(()));
+    assert_eq!(refused.unwrap_err(), BiharmonicError::NoPartition { vertex: 0, sum: 0.5 });
+    let setup = held_bar(4);
+    let mut stop = |at: armature_weights::Progress| match at.phase {
+        Phase::Exchange => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let stopped = exact_partition_weights(&setup.problem(), &settings, &mut stop);
+    assert_eq!(stopped.unwrap_err(), BiharmonicError::Cancelled(Phase::Exchange));
 }
 
 #[test]

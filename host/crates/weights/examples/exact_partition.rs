@@ -1,0 +1,53 @@
+//! Compares weights that sum to one exactly with weights that are normalised, as table 2 of the BBW paper:
+//! `cargo run --release -p armature-weights --example exact_partition -- mesh.mesh b.npy bc.npy [error bound]`.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use armature_geometry::{Lumping, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
+use armature_weights::{
+    BiharmonicProblem, BiharmonicSettings, ExactPartitionSettings, bounded_biharmonic_weights, exact_partition_weights,
+    normalise,
+};
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [mesh, fixed, given, rest @ ..] = arguments.as_slice() else {
+        eprintln!("usage: exact_partition mesh.mesh b.npy bc.npy [error bound]");
+        std::process::exit(2);
+    };
+    let mesh = support::read_medit(Path::new(mesh));
+    let fixed = support::read_npy_indices(Path::new(fixed));
+    let given = support::read_npy(Path::new(given));
+    let laplacian = cotangent_laplacian_tetrahedra(&mesh).expect("a mesh").matrix;
+    let mass = lumped_mass_tetrahedra(&mesh, Lumping::Barycentric).expect("a mesh");
+    let problem = BiharmonicProblem {
+        laplacian: &laplacian,
+        mass: &mass,
+        fixed: &fixed,
+        fixed_weights: &given.values,
+        handles: given.columns,
+        shape_preservation: None,
+    };
+    let mut go_on = |_| ControlFlow::Continue(());
+    let mut settings = ExactPartitionSettings::default();
+    if let Some(bound) = rest.first().and_then(|bound| bound.parse().ok()) {
+        settings.error_bound = bound;
+    }
+    let start = Instant::now();
+    let exact = exact_partition_weights(&problem, &settings, &mut go_on).expect("a partition");
+    println!("exact: {:.1} ms, {:?}", start.elapsed().as_secs_f64() * 1e3, exact.report);
+    let start = Instant::now();
+    let alone = bounded_biharmonic_weights(&problem, &BiharmonicSettings::certified(), &mut go_on).expect("weights");
+    println!("alone: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
+    println!("energy alone {:.6}", alone.reports.iter().map(|report| report.energy).sum::<f64>());
+    let mut normalised = alone.weights;
+    println!("normalising: {:?}", normalise(&mut normalised).largest_deviation);
+    let differences = || normalised.values().iter().zip(exact.weights.values()).map(|(a, b)| (a - b).abs());
+    let mean = differences().sum::<f64>() / normalised.values().len() as f64;
+    println!("exact to normalised: mean {mean:.2e}, largest {:.2e}", differences().fold(0.0, f64::max));
+}
