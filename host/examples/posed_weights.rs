@@ -14,9 +14,11 @@ use armature_formats::Model;
 use armature_render::{Bounds, Camera, Ground, MeshView, Picture, Scene};
 use armature_rig::Skeleton;
 use glam::{Affine3A, Quat, Vec3};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
 use tiny_skia::{Paint, Pixmap, PremultipliedColorU8};
 
-const SIDE: u32 = 480;
+const SIDE: u32 = 360;
 
 /// A pose, and where to look.
 struct Shot {
@@ -107,8 +109,7 @@ fn draw_all(folder: &Path, model: &Model, skeleton: &Skeleton, shots: &[Shot]) -
         let left = draw(&biharmonic, shot, "bounded biharmonic weights")?;
         let right = draw(&heat, shot, "bone heat")?;
         let path = folder.join(shot.file);
-        let png = armature_render::encode_png(&beside(&left, &right)).map_err(|e| drawing_failed(&e))?;
-        files::write(&path, &png)?;
+        files::write(&path, &small_png(&beside(&left, &right))?)?;
         println!("{}", path.display());
     }
     Ok(())
@@ -167,8 +168,18 @@ fn label(picture: &mut Picture, words: &str) {
     }
     let mut ink = Paint::default();
     ink.set_color_rgba8(0xe9, 0xec, 0xf0, 255);
-    draw_text(&mut pixmap.as_mut(), words, [16.0, 30.0], 19.0, Hold::Left, &ink);
+    draw_text(&mut pixmap.as_mut(), words, [12.0, 24.0], 15.0, Hold::Left, &ink);
     picture.rgba = pixmap.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue(), 255]).collect();
+}
+
+/// A PNG as small as can be, without the opacity.
+fn small_png(picture: &Picture) -> Result<Vec<u8>, Failure> {
+    let rgb: Vec<u8> = picture.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let mut png = Vec::new();
+    PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
+        .write_image(&rgb, picture.width, picture.height, ExtendedColorType::Rgb8)
+        .map_err(|e| drawing_failed(&e))?;
+    Ok(png)
 }
 
 fn beside(left: &Picture, right: &Picture) -> Picture {
