@@ -8,7 +8,9 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use armature_formats::{CellData, CellMesh, Cells, Model, read_model, write_mesh, write_msh, write_vtu};
+use armature_formats::{
+    CellData, CellMesh, Cells, Model, NumberTable, read_model, read_npy, write_mesh, write_msh, write_npy, write_vtu,
+};
 use armature_geometry::TriangleMesh;
 use serde_json::{Value, json};
 
@@ -99,4 +101,52 @@ fn our_own_reader_gives_the_volume_back() {
         let again = read_model(name, text.as_bytes(), &none).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!((&again.mesh, &again.tetrahedra), (&model.mesh, &model.tetrahedra), "{name}");
     }
+}
+
+/// Saves one table in many kinds of numbers, and checks that our file is the same table.
+const NUMPY: &str = "
+import sys, numpy as np
+folder = sys.argv[1]
+table = np.array([[1, 2, 3], [4, 5, 60]])
+for kind in ['<f8', '>f8', '<f4', '<i8', '>i4', '<i2', 'u1', '<u4']:
+    np.save(f'{folder}/c-{kind[-2:]}{kind[0] == chr(62)}.npy', table.astype(kind))
+    np.save(f'{folder}/f-{kind[-2:]}{kind[0] == chr(62)}.npy', np.asfortranarray(table.astype(kind)))
+np.save(f'{folder}/one.npy', np.array([7, 8, 9]))
+np.save(f'{folder}/none.npy', np.zeros((0, 3)))
+ours = np.load(f'{folder}/ours.npy')
+assert ours.dtype == np.float64 and ours.shape == (2, 3) and (ours == table / 7).all(), ours
+";
+
+/// `NumPy`, which meshio needs, writes what we read and reads what we write.
+#[test]
+fn arrays_of_numpy() {
+    let Some(python) = meshio() else { return };
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("numpy");
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).expect("the folder of an earlier run can be removed");
+    }
+    std::fs::create_dir_all(&folder).expect("a folder for the test");
+    let columns = [1.0, 4.0, 2.0, 5.0, 3.0, 60.0];
+    let ours = NumberTable { rows: 2, columns: 3, values: columns.iter().map(|v| v / 7.0).collect() };
+    std::fs::write(folder.join("ours.npy"), write_npy(&ours)).expect("a file can be written");
+    let output = Command::new(&python).args(["-c", NUMPY]).arg(&folder).output();
+    let output = output.unwrap_or_else(|e| panic!("{}: {e}", python.display()));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read = |file: &Path| read_npy(&std::fs::read(file).expect("a file")).unwrap_or_else(|e| panic!("{e}"));
+    let mut seen = 0;
+    for entry in std::fs::read_dir(&folder).expect("the folder") {
+        let file = entry.expect("an entry").path();
+        if file.file_name().is_some_and(|name| name.to_string_lossy().contains('-')) {
+            assert_eq!(
+                read(&file),
+                NumberTable { rows: 2, columns: 3, values: columns.to_vec() },
+                "{}",
+                file.display()
+            );
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 16, "each kind in both orders");
+    assert_eq!(read(&folder.join("one.npy")).indices(), Some(vec![7, 8, 9]));
+    assert_eq!(read(&folder.join("none.npy")).rows, 0);
 }
