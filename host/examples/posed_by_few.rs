@@ -36,8 +36,8 @@ fn main() -> Outcome<()> {
     std::fs::create_dir_all(&folder)?;
     let human = found(characters::find("human", &mut |_| ControlFlow::Continue(())))?.actor;
     let human = human.character.ok_or("the human has a mesh")?;
-    crouch(&human, &human.skeleton, &folder.join("human.png"))?;
-    crouch(&loose_bones(&human)?, &human.skeleton, &folder.join("loose-bones.png"))?;
+    reach_up(&human, &human.skeleton, &folder.join("human.png"))?;
+    reach_up(&loose_bones(&human)?, &human.skeleton, &folder.join("loose-bones.png"))?;
     match (shared("elephant"), shared("armadillo")) {
         (Some(elephant), Some(armadillo)) => {
             lead_by_the_trunk(&elephant?, &folder.join("elephant.png"))?;
@@ -138,22 +138,24 @@ fn skinned(character: &Character, model_from_rest: &[Affine3A]) -> Outcome<Skinn
     Ok((positions, normals))
 }
 
-/// A human crouches and reaches out: one point of the head, one of each hand, heel and ball of each foot.
-fn crouch(human: &Character, body: &Skeleton, picture: &Path) -> Outcome<()> {
+/// A human steps forward and reaches up: one point of the head, one of each hand, heel and ball of each foot.
+fn reach_up(human: &Character, body: &Skeleton, picture: &Path) -> Outcome<()> {
     let segments = body.rest_segments();
     let ends = |name: &str| body.find(name).map(|bone| segments[bone]).ok_or_else(|| format!("there is no {name}"));
     let (head, crown) = ends("Head")?;
-    let mut pulls = vec![(head.midpoint(crown), head.midpoint(crown) + Vec3::new(0.0, -0.30, 0.16))];
-    for (side, hand, foot) in [(1.0, "LeftHand", "LeftFoot"), (-1.0, "RightHand", "RightFoot")] {
+    let mut pulls = vec![(head.midpoint(crown), head.midpoint(crown) + Vec3::new(0.0, -0.07, 0.03))];
+    let left = ("LeftHand", Vec3::new(0.34, 1.88, 0.16), "LeftFoot", -0.22);
+    let right = ("RightHand", Vec3::new(-0.38, 0.98, 0.22), "RightFoot", 0.28);
+    for (hand, reach, foot, step) in [left, right] {
         let (wrist, knuckles) = ends(hand)?;
-        pulls.push((wrist.midpoint(knuckles), Vec3::new(0.30 * side, 1.05, 0.58)));
+        pulls.push((wrist.midpoint(knuckles), reach));
         let (ankle, ball) = ends(foot)?;
         let heel = Vec3::new(ankle.x, 0.0, ankle.z - 0.04);
         for sole in [heel, Vec3::new(ball.x, 0.0, ball.z)] {
-            pulls.push((sole, sole));
+            pulls.push((sole, sole + Vec3::Z * step));
         }
     }
-    let view = View { size: [720, 720], yaw: 0.9, floor: Some(0.0), ..View::default() };
+    let view = View { size: [720, 720], yaw: 0.9, closer: 0.95, floor: Some(0.0), ..View::default() };
     lead(human, &pulls, &view, picture)
 }
 

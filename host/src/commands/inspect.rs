@@ -86,6 +86,9 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
             summary.lost_samples, summary.crc_errors, summary.resyncs, summary.discarded_bytes, summary.restarts
         ),
     ];
+    if let Some(ik) = &header.inverse_kinematics {
+        words.push(format!("bones without a joint were turned by inverse kinematics, held: {}", ik.pins.join(", ")));
+    }
     words.push(if report.is_whole() {
         "whole: ended cleanly, every checksum holds".into()
     } else {
@@ -104,6 +107,7 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         "seconds": summary.duration_seconds, "lost_samples": summary.lost_samples, "crc_errors": summary.crc_errors,
         "discarded_bytes": summary.discarded_bytes, "restarts": summary.restarts,
         "resyncs": summary.resyncs, "whole": report.is_whole(),
+        "inverse_kinematics_pins": header.inverse_kinematics.as_ref().map(|ik| &ik.pins),
         "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "joints": joints,
     });
     Ok((words, value))

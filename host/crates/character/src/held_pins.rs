@@ -121,10 +121,8 @@ impl HeldPins {
     fn step(&self, turns: &mut [Quat], shifts: &mut [Vec3]) {
         let multipliers = self.errors.as_chunks::<3>().0;
         for (root, shift) in shifts.iter_mut().enumerate().filter(|(root, _)| self.free_roots[*root]) {
-            for (pin, m) in self.pins.iter().zip(multipliers).filter(|(pin, _)| pin.root == root) {
-                let _ = pin;
-                *shift += Vec3::from_array(*m);
-            }
+            let own = self.pins.iter().zip(multipliers).filter(|(pin, _)| pin.root == root);
+            *shift += own.map(|(_, m)| Vec3::from_array(*m)).sum::<Vec3>();
         }
         for (number, turn) in turns.iter_mut().enumerate().filter(|(number, _)| self.free_turns[*number]) {
             let (mut about, mut longest) = (Vec3::ZERO, 0.0_f32);

@@ -168,3 +168,20 @@ fn preparing_can_be_cancelled() {
     ik.complete(&status(&HUMAN.skeleton), &mut pose);
     assert_eq!(pose, puppet_pose(&HUMAN.skeleton, 1.0), "what cannot be solved is left as the joints made it");
 }
+
+#[test]
+fn a_pose_that_is_no_number_spoils_no_later_one() {
+    let skeleton = &HUMAN.skeleton;
+    let status = status(skeleton);
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&["LeftFoot", "RightFoot", "Hips:upright"])).unwrap();
+    let good = puppet_pose(skeleton, 0.5);
+    for broken in [f32::NAN, f32::INFINITY, 1e30] {
+        let mut pose = good.clone();
+        let arm = skeleton.find("LeftUpperArm").unwrap();
+        pose.parent_from_bone[arm].rotation = Quat::from_xyzw(broken, 0.0, 0.0, 1.0);
+        ik.complete(&status, &mut pose);
+        let mut pose = good.clone();
+        ik.complete(&status, &mut pose);
+        assert!(pose.parent_from_bone.iter().all(|t| t.is_finite() && t.rotation.is_normalized()), "after {broken}");
+    }
+}
