@@ -53,6 +53,14 @@ fn weights_are_written_for_other_programs_with_a_report_and_a_picture() {
         "{words:?}"
     );
     assert_eq!(read_dmat(&place.read("w.dmat")).unwrap(), table);
+    // All handles together sum to one without being scaled.
+    let exact = ["--method", "bbw-exact", "--json", "-o", "exact.npy"];
+    let told = json(&place.done(&[&usual[..], &exact].concat()).out);
+    assert_eq!((&told["together"]["outcome"], &told["normalised"]), (&"converged".into(), &false.into()));
+    assert!(told["together"]["largest_sum_error"].as_f64().unwrap() < 1e-12);
+    let exact = read_npy(&place.read("exact.npy")).unwrap();
+    let apart = exact.values.iter().zip(&table.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart > 1e-4 && apart < 0.3, "{apart}");
     // Not normalised the sums are something else; on the surface alone, and by heat, so are the weights.
     for more in [&["--no-normalize"][..], &["--on", "surface"], &["--method", "heat"], &["--method", "bbw-certified"]] {
         let plain = ["weights", "tube.obj", "--handles", "point.tgf", "-o", "other.npy", "--quiet"];

@@ -4,7 +4,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use armature_character::{BiharmonicTier, HandleWeights, HandleWeightsSettings, Held, WeightsOn, handle_weights};
+use armature_character::{
+    BiharmonicTier, HandleWeights, HandleWeightsSettings, Held, Partition, WeightsOn, handle_weights,
+};
 use armature_formats::{Model, NumberTable, read_npy};
 use armature_weights::HandleBoundary;
 
@@ -91,7 +93,7 @@ fn timed(
     tier: BiharmonicTier,
     path: &Path,
 ) -> Result<(f64, HandleWeights), Failure> {
-    let settings = HandleWeightsSettings { tier, on: WeightsOn::OwnElements, normalise: false };
+    let settings = HandleWeightsSettings { tier, on: WeightsOn::OwnElements, partition: Partition::Left };
     let mut fastest: Option<(f64, HandleWeights)> = None;
     for _ in 0..RUNS {
         let start = Instant::now();

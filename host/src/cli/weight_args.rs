@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use armature_character::{BiharmonicTier, BindMethod, WeightsOn};
+use armature_character::{BiharmonicTier, BindMethod, Partition, WeightsOn};
 use clap::{ArgGroup, Args, ValueEnum};
 
 use super::args::volume_vertices;
@@ -29,17 +29,43 @@ impl Method {
         if self == Self::Heat { 4 } else { 8 }
     }
 
-    /// How good bounded biharmonic weights have to be.
-    pub fn tier(self) -> BiharmonicTier {
-        if self == Self::BbwCertified { BiharmonicTier::Certified } else { BiharmonicTier::Interactive }
-    }
-
     /// For binding.
     pub fn for_bind(self) -> BindMethod {
         match self {
             Self::Bbw => BindMethod::Biharmonic(BiharmonicTier::Interactive),
             Self::BbwCertified => BindMethod::Biharmonic(BiharmonicTier::Certified),
             Self::Heat => BindMethod::BoneHeat,
+        }
+    }
+}
+
+/// How weights are computed for other tools.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum HandleMethod {
+    /// Bounded biharmonic weights, each handle by itself, within 0.002 of the optimal ones
+    #[default]
+    Bbw,
+    /// Bounded biharmonic weights, each handle by itself, optimal to 0.00001 and to ten digits of the energy
+    BbwCertified,
+    /// Bounded biharmonic weights of all handles together, so that they sum to one by themselves; within 0.002 of the
+    /// optimal ones
+    BbwExact,
+    /// Bone heat on the surface
+    Heat,
+}
+
+impl HandleMethod {
+    /// How good bounded biharmonic weights have to be.
+    pub fn tier(self) -> BiharmonicTier {
+        if self == Self::BbwCertified { BiharmonicTier::Certified } else { BiharmonicTier::Interactive }
+    }
+
+    /// How they come to sum to one.
+    pub fn partition(self, left: bool) -> Partition {
+        match (self, left) {
+            (Self::BbwExact, _) => Partition::Exact,
+            (_, true) => Partition::Left,
+            (_, false) => Partition::Normalised,
         }
     }
 }
@@ -152,12 +178,13 @@ pub struct WeightsArgs {
     #[arg(long, num_args = 2, value_names = ["B.npy", "BC.npy"])]
     pub boundary: Option<Vec<PathBuf>>,
     /// How weights are computed
-    #[arg(long, value_enum, default_value_t = Method::Bbw)]
-    pub method: Method,
+    #[arg(long, value_enum, default_value_t = HandleMethod::Bbw)]
+    pub method: HandleMethod,
     /// What on.
     #[command(flatten)]
     pub domain: DomainArgs,
     /// Leave each handle's weights as they were computed; without it those of a vertex are scaled to sum to one
+    /// (bbw-exact needs no scaling)
     #[arg(long)]
     pub no_normalize: bool,
     /// Where to write the weights: a .npy or .dmat file

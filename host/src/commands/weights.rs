@@ -12,7 +12,7 @@ use armature_weights::{
 };
 
 use super::weights_report::{say_biharmonic, say_heat};
-use crate::cli::weight_args::{Method, WeightsArgs};
+use crate::cli::weight_args::{HandleMethod, WeightsArgs};
 use crate::failure::Failure;
 use crate::talk::{Bar, Talk};
 use crate::weight_picture::{WeightPicture, handle_of, write_weight_picture};
@@ -175,7 +175,7 @@ fn compute(
     held: &OwnedHeld,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Made, Failure> {
-    if args.method == Method::Heat {
+    if args.method == HandleMethod::Heat {
         return compute_heat(args, model, held, progress).map(|made| Made::Heat(Box::new(made)));
     }
     let own = model.tetrahedra.is_some() || matches!(held, OwnedHeld::Boundary(_));
@@ -190,7 +190,8 @@ fn compute(
         }
         OwnedHeld::Boundary(boundary) => Held::Boundary(boundary),
     };
-    let settings = HandleWeightsSettings { tier: args.method.tier(), on, normalise: !args.no_normalize };
+    let partition = args.method.partition(args.no_normalize);
+    let settings = HandleWeightsSettings { tier: args.method.tier(), on, partition };
     let made = handle_weights(&model.mesh, model.tetrahedra.as_ref(), held, &settings, progress);
     made.map(|made| Made::Biharmonic(Box::new(made))).map_err(|e| characters::weights_failure(&args.mesh, &e))
 }

@@ -25,12 +25,15 @@ pub(super) fn say_biharmonic(args: &WeightsArgs, made: &HandleWeights, names: &[
         domain_name(made.domain),
         counted(made.domain_vertices, "vertex", "vertices"),
     );
-    println!("  handle          energy  bound violation  wrong multiplier  active sets  error bound");
-    for (name, report) in names.iter().zip(&made.reports) {
-        match report {
-            Some(report) => println!("  {}", line(name, report)),
-            None => println!("  {name:10}  holds no vertex; its weights are zero"),
-        }
+    if let Some(report) = &made.together {
+        println!(
+            "  all handles together: {} after {} steps, sums within {:.1e} of one",
+            outcome(report.outcome),
+            grouped(report.steps),
+            report.largest_sum_error
+        );
+    } else {
+        say_handles(made, names);
     }
     println!(
         "  energy of all {:.10e}, no weight farther than {:.1e} from the optimal one",
@@ -44,6 +47,16 @@ pub(super) fn say_biharmonic(args: &WeightsArgs, made: &HandleWeights, names: &[
         );
     }
     made.warnings.iter().for_each(|warning| eprintln!("note: {warning}"));
+}
+
+fn say_handles(made: &HandleWeights, names: &[String]) {
+    println!("  handle          energy  bound violation  wrong multiplier  active sets  error bound");
+    for (name, report) in names.iter().zip(&made.reports) {
+        match report {
+            Some(report) => println!("  {}", line(name, report)),
+            None => println!("  {name:10}  holds no vertex; its weights are zero"),
+        }
+    }
 }
 
 fn line(name: &str, report: &HandleReport) -> String {
@@ -76,6 +89,7 @@ fn domain_name(domain: DomainKind) -> &'static str {
 
 fn biharmonic_json(args: &WeightsArgs, made: &HandleWeights, names: &[String], seconds: f64) -> Value {
     let handle = |(name, report): (&String, &Option<HandleReport>)| match report {
+        None if made.together.is_some() => json!({"name": name}),
         None => json!({"name": name, "outcome": "holds nothing"}),
         Some(report) => json!({
             "name": name,
@@ -92,6 +106,12 @@ fn biharmonic_json(args: &WeightsArgs, made: &HandleWeights, names: &[String], s
     json!({
         "file": args.output.display().to_string(),
         "method": "bounded biharmonic",
+        "together": made.together.map(|report| json!({
+            "steps": report.steps,
+            "gap": report.gap,
+            "largest_sum_error": report.largest_sum_error,
+            "outcome": outcome(report.outcome),
+        })),
         "domain": domain_name(made.domain),
         "domain_vertices": made.domain_vertices,
         "vertices": made.weights.vertices(),

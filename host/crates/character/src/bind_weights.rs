@@ -8,7 +8,7 @@ use armature_weights::{BoneHeat, BoneSegment, Sparsification, bone_heat, sparsif
 use glam::DVec3;
 
 use crate::bind::{BindError, BindMethod, BindProgress, BindSettings};
-use crate::handle_weights::{BiharmonicTier, HandleWeightsSettings, Held, handle_weights};
+use crate::handle_weights::{BiharmonicTier, HandleWeightsSettings, Held, Partition, handle_weights};
 use crate::weight_domain::{HandlePlace, HandleShape};
 use crate::{BiharmonicRecord, HeatRecord, Misfit, WeightsRecord};
 
@@ -124,7 +124,7 @@ fn biharmonic_weights(
         HandleShape { name: bones.name(bone).to_owned(), place: HandlePlace::Segments(all.collect()) }
     };
     let shapes: Vec<HandleShape> = bones.bones.iter().zip(&bones.segments).map(shape).collect();
-    let how = HandleWeightsSettings { tier, on: settings.on, normalise: true };
+    let how = HandleWeightsSettings { tier, on: settings.on, partition: Partition::Normalised };
     let made = handle_weights(mesh, None, Held::Shapes(&shapes), &how, &mut |stage, done| {
         progress(BindProgress { stage, done: 0.02 + 0.92 * done.clamp(0.0, 1.0) })
     })?;

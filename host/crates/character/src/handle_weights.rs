@@ -5,9 +5,10 @@ use std::ops::ControlFlow;
 
 use armature_geometry::{MeshError, TetrahedralMesh, TriangleMesh, VolumeError};
 use armature_weights::{
-    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, Handle,
-    HandleBoundary, HandleError, HandleKind, HandleReport, Normalisation, WeightMatrix, bounded_biharmonic_weights,
-    follow_nearest_handle, handle_boundary, normalise,
+    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, ExactPartitionReport,
+    ExactPartitionSettings, Handle, HandleBoundary, HandleError, HandleKind, HandleReport, Normalisation, Progress,
+    WeightMatrix, bounded_biharmonic_weights, exact_partition_weights, follow_nearest_handle, handle_boundary,
+    normalise,
 };
 
 use crate::make_volume::MakeError;
@@ -34,6 +35,18 @@ impl BiharmonicTier {
     }
 }
 
+/// How a vertex's weights come to sum to one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Partition {
+    /// Each handle is solved by itself, and a vertex's weights are scaled afterwards.
+    #[default]
+    Normalised,
+    /// Each handle is solved by itself, and its weights stay as they are: the sums differ from one.
+    Left,
+    /// All handles are solved together with the sum as a constraint: slower, and smoother where many meet.
+    Exact,
+}
+
 /// What to compute.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleWeightsSettings {
@@ -41,8 +54,8 @@ pub struct HandleWeightsSettings {
     pub tier: BiharmonicTier,
     /// On what.
     pub on: WeightsOn,
-    /// Whether each vertex's weights are scaled to sum to one.
-    pub normalise: bool,
+    /// Whether and how they sum to one.
+    pub partition: Partition,
 }
 
 /// What weights are fixed where.
@@ -59,8 +72,10 @@ pub enum Held<'a> {
 pub struct HandleWeights {
     /// n vertices of the surface × m handles.
     pub weights: WeightMatrix,
-    /// One for every handle; `None` where it holds nothing, and its weights are zero.
+    /// One for every handle solved by itself; `None` where it holds nothing, and its weights are zero.
     pub reports: Vec<Option<HandleReport>>,
+    /// The one certificate of handles that were solved together; `reports` are then all `None`.
+    pub together: Option<ExactPartitionReport>,
     /// What normalising changed, if it was asked for.
     pub normalisation: Option<Normalisation>,
     /// What they were computed on.
@@ -76,17 +91,19 @@ pub struct HandleWeights {
 impl HandleWeights {
     /// No weight, before normalising, is farther than this from the optimal one.
     pub fn error_bound(&self) -> f64 {
-        self.known().map(|report| report.error_bound).fold(0.0, f64::max)
+        self.known().map(|report| report.error_bound).chain(self.together.map(|t| t.error_bound)).fold(0.0, f64::max)
     }
 
     /// The sum of all handles' energies.
     pub fn energy(&self) -> f64 {
-        self.known().map(|report| report.energy).sum()
+        self.known().map(|report| report.energy).chain(self.together.map(|t| t.energy)).sum()
     }
 
     /// Handles whose weights are not as good as they were asked to be.
     pub fn unconverged(&self) -> usize {
-        self.known().filter(|report| report.outcome != BiharmonicOutcome::Converged).count()
+        let late = self.known().filter(|report| report.outcome != BiharmonicOutcome::Converged).count();
+        let together = self.together.is_some_and(|report| report.outcome != BiharmonicOutcome::Converged);
+        if together { self.weights.bones() } else { late }
     }
 
     fn known(&self) -> impl Iterator<Item = &HandleReport> {
@@ -159,9 +176,9 @@ pub fn handle_weights(
         Held::Boundary(boundary) => (boundary.clone(), (0..boundary.handles).collect()),
         Held::Shapes(shapes) => boundary_of(&domain, shapes.len())?,
     };
-    let mut solved = solve(&domain, &boundary, settings.tier, progress)?;
-    let followed = follow_nearest_handle(&mut solved, &boundary, &domain.vertices);
-    let normalisation = settings.normalise.then(|| normalise(&mut solved.weights));
+    let mut solved = solve(&domain, &boundary, settings, progress)?;
+    let followed = follow_nearest_handle(&mut solved.weights, &solved.unreached, &boundary, &domain.vertices);
+    let normalisation = (settings.partition == Partition::Normalised).then(|| normalise(&mut solved.weights));
     let names: Vec<String> = match held {
         Held::Shapes(shapes) => shapes.iter().map(|shape| shape.name.clone()).collect(),
         Held::Boundary(boundary) => (1..=boundary.handles).map(|handle| format!("handle {handle}")).collect(),
@@ -176,6 +193,7 @@ pub fn handle_weights(
         idle: drawbacks.idle,
         weights,
         reports,
+        together: solved.together,
         normalisation,
         domain: domain.kind,
         domain_vertices: domain.vertices.len(),
@@ -194,12 +212,20 @@ fn boundary_of(domain: &WeightDomain, handles: usize) -> Result<(HandleBoundary,
     Ok((handle_boundary(&domain.vertices, &all, &[])?, columns))
 }
 
+/// Weights on the domain, with either kind of certificate.
+struct Solved {
+    weights: WeightMatrix,
+    reports: Vec<HandleReport>,
+    together: Option<ExactPartitionReport>,
+    unreached: Vec<Vec<usize>>,
+}
+
 fn solve(
     domain: &WeightDomain,
     boundary: &HandleBoundary,
-    tier: BiharmonicTier,
+    settings: &HandleWeightsSettings,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
-) -> Result<BiharmonicWeights, HandleWeightsError> {
+) -> Result<Solved, HandleWeightsError> {
     let problem = BiharmonicProblem {
         laplacian: &domain.laplacian,
         mass: &domain.mass,
@@ -208,9 +234,24 @@ fn solve(
         handles: boundary.handles,
         shape_preservation: None,
     };
-    let solved = bounded_biharmonic_weights(&problem, &tier.settings(), &mut |at| {
-        progress(at.phase.label(), VOLUME_SHARE + (1.0 - VOLUME_SHARE) * at.done)
-    });
+    let mut told = |at: Progress| progress(at.phase.label(), VOLUME_SHARE + (1.0 - VOLUME_SHARE) * at.done);
+    let solved = if settings.partition == Partition::Exact {
+        let error_bound = settings.tier.settings().error_bound;
+        let how = ExactPartitionSettings { error_bound, ..ExactPartitionSettings::default() };
+        exact_partition_weights(&problem, &how, &mut told).map(|exact| Solved {
+            weights: exact.weights,
+            reports: Vec::new(),
+            together: Some(exact.report),
+            unreached: exact.unreached,
+        })
+    } else {
+        bounded_biharmonic_weights(&problem, &settings.tier.settings(), &mut told).map(|alone| Solved {
+            weights: alone.weights,
+            reports: alone.reports,
+            together: None,
+            unreached: alone.unreached,
+        })
+    };
     solved.map_err(|error| match error {
         BiharmonicError::Cancelled(phase) => HandleWeightsError::Cancelled { stage: phase.label() },
         other => HandleWeightsError::Biharmonic(other),

@@ -29,7 +29,7 @@ pub use cache::{CACHE_EXTENSION, CacheError, from_bytes, to_bytes};
 pub use cache_key::{CacheKey, cache_key};
 pub use character::{BiharmonicRecord, Character, HeatRecord, Provenance, WeightsRecord};
 pub use handle_weights::{
-    BiharmonicTier, HandleWeights, HandleWeightsError, HandleWeightsSettings, Held, handle_weights,
+    BiharmonicTier, HandleWeights, HandleWeightsError, HandleWeightsSettings, Held, Partition, handle_weights,
 };
 pub use inverse_kinematics::{IkError, InverseKinematics};
 pub use make_volume::{FlatDomain, Made, MakeError, make_volume};

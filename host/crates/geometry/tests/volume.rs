@@ -334,6 +334,90 @@ fn bones_outside_are_joined_to_the_volume() {
     assert!(made.report.elements_for_bones > 0);
 }
 
+#[test]
+fn slivers_that_join_a_bone_stay() {
+    // Found by chance: peeling slivers off this soup took its bone apart.
+    let corners = [
+        [0.0, 0.0, 1.0],
+        [0.0, 0.0, 0.0],
+        [1.0, 1.0, 4.0],
+        [5.0, 1.0, 5.0],
+        [2.0, 0.0, 5.0],
+        [1.0, 1.0, 2.0],
+        [2.0, 0.0, 0.0],
+        [1.0, 0.0, 1.0],
+        [2.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+    ];
+    let triangles = vec![
+        [16, 9, 5],
+        [1, 2, 13],
+        [15, 7, 15],
+        [3, 2, 14],
+        [4, 3, 0],
+        [4, 15, 12],
+        [15, 2, 0],
+        [6, 7, 16],
+        [10, 7, 11],
+        [10, 15, 6],
+        [5, 14, 15],
+        [11, 5, 5],
+        [6, 14, 3],
+        [6, 14, 17],
+        [10, 14, 3],
+        [4, 15, 5],
+        [1, 16, 0],
+        [4, 12, 17],
+        [16, 11, 15],
+        [11, 3, 13],
+        [14, 5, 17],
+        [1, 7, 0],
+        [4, 16, 9],
+        [15, 3, 5],
+        [8, 8, 16],
+        [11, 7, 5],
+        [8, 3, 4],
+        [14, 0, 9],
+        [2, 11, 5],
+        [14, 6, 2],
+        [7, 2, 0],
+        [16, 1, 2],
+        [11, 6, 4],
+        [4, 15, 13],
+        [7, 9, 0],
+        [0, 7, 7],
+        [12, 0, 13],
+        [6, 0, 5],
+        [12, 8, 4],
+        [1, 14, 7],
+        [11, 4, 10],
+        [17, 12, 11],
+        [10, 1, 4],
+        [3, 11, 12],
+        [4, 17, 4],
+        [11, 14, 1],
+        [0, 14, 9],
+        [14, 10, 4],
+        [7, 9, 8],
+    ];
+    let mut noise = noise();
+    let mut place = |c: [f64; 3]| c.map(|c| c + 1e-12 * noise());
+    let vertices: Vec<[f64; 3]> = corners.into_iter().map(&mut place).collect();
+    let segments = [[place([1.0, 4.0, 5.0]), place([2.0, -1.0, -1.0])]];
+    let surface = TriangleMesh { vertices, triangles };
+    let made = make(&surface, &segments, Resolution::Embedded { vertices: 200 }).unwrap();
+    check("soup", &surface, &made);
+    assert_eq!(made.report.bones_apart, 0);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 

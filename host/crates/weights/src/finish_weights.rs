@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use crate::{BiharmonicWeights, HandleBoundary, WeightMatrix};
+use crate::{HandleBoundary, WeightMatrix};
 
 /// What normalising changed.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,19 +18,20 @@ pub struct Normalisation {
 
 /// Gives every piece of the mesh without a fixed vertex wholly to the handle nearest to it: that of the fixed vertex
 /// nearest to any of the piece's vertices, of several handles there the heaviest and then the first. `vertices` are
-/// the mesh's n positions. Returns the handle of each piece in `weights.unreached`, which stays to tell.
+/// the mesh's n positions. Returns the handle of each piece in `unreached`.
 ///
 /// # Panics
 /// If `vertices` are fewer than the weights', or `boundary` is not the one the weights were computed for.
 pub fn follow_nearest_handle(
-    weights: &mut BiharmonicWeights,
+    weights: &mut WeightMatrix,
+    unreached: &[Vec<usize>],
     boundary: &HandleBoundary,
     vertices: &[[f64; 3]],
 ) -> Vec<usize> {
-    let n = weights.weights.vertices();
+    let n = weights.vertices();
     let place = |vertex: usize| DVec3::from(vertices[vertex]);
-    let mut followed = Vec::with_capacity(weights.unreached.len());
-    for piece in &weights.unreached {
+    let mut followed = Vec::with_capacity(unreached.len());
+    for piece in unreached {
         let nearness = |row: usize| {
             let to = place(boundary.fixed[row]);
             piece.iter().map(|&vertex| place(vertex).distance_squared(to)).fold(f64::INFINITY, f64::min)
@@ -39,7 +40,7 @@ pub fn follow_nearest_handle(
         let Some((_, row)) = nearest else { break };
         let weight = |handle: usize| boundary.fixed_weights[handle * boundary.fixed.len() + row];
         let heaviest = (1..boundary.handles).fold(0, |best, h| if weight(h) > weight(best) { h } else { best });
-        let values = weights.weights.values_mut();
+        let values = weights.values_mut();
         piece.iter().for_each(|&vertex| values[heaviest * n + vertex] = 1.0);
         followed.push(heaviest);
     }
@@ -78,14 +79,9 @@ mod tests {
         let vertices = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
         let boundary = HandleBoundary { fixed: vec![0, 1], fixed_weights: vec![1.0, 0.25, 0.0, 0.75], handles: 2 };
         let values = vec![1.0, 0.25, 0.0, 0.0, 0.0, 0.75, 0.0, 0.0];
-        let mut weights = BiharmonicWeights {
-            weights: WeightMatrix::from_columns(4, 2, values).unwrap(),
-            reports: Vec::new(),
-            unreached: vec![vec![2, 3]],
-            factor_entries: 0,
-        };
-        assert_eq!(follow_nearest_handle(&mut weights, &boundary, &vertices), [1]);
-        assert_eq!(weights.weights.bone(1), [0.0, 0.75, 1.0, 1.0]);
+        let mut weights = WeightMatrix::from_columns(4, 2, values).unwrap();
+        assert_eq!(follow_nearest_handle(&mut weights, &[vec![2, 3]], &boundary, &vertices), [1]);
+        assert_eq!(weights.bone(1), [0.0, 0.75, 1.0, 1.0]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::elements::Elements;
-use super::solid::{pieces_of, sorted_facets};
+use super::solid::{pieces, sorted_facets};
 use crate::TetrahedralMesh;
 
 /// Elements with a smaller height than this, beside their longest edge, are flat up to rounding.
@@ -36,9 +36,9 @@ pub(super) fn peel(elements: &Elements, labels: &mut [bool]) -> usize {
 }
 
 /// Takes slivers off a mesh whose boundary may recede by as little as they are high, one layer after the other, as long
-/// as each vertex that is `needed` (none beyond its end is) has another element and the mesh does not fall apart; how many. One flat element is enough
-/// to spoil a Hessian with its cotangents.
-pub(super) fn peel_slivers(mesh: &mut TetrahedralMesh, needed: &[bool]) -> usize {
+/// as each vertex that is `needed` has another element and neither the mesh nor the bones on its vertices (`runs`) fall
+/// apart; how many. One flat element is enough to spoil a Hessian with its cotangents.
+pub(super) fn peel_slivers(mesh: &mut TetrahedralMesh, needed: &[bool], runs: &[Vec<u32>]) -> usize {
     let facets = sorted_facets(mesh);
     let mut count = vec![0_u32; mesh.vertices.len()];
     mesh.tetrahedra.iter().flatten().for_each(|&v| count[v as usize] += 1);
@@ -65,10 +65,11 @@ pub(super) fn peel_slivers(mesh: &mut TetrahedralMesh, needed: &[bool]) -> usize
     if peeled == 0 {
         return 0;
     }
-    let before = pieces_of(mesh).count;
+    let (pieces_before, apart_before) = pieces(mesh, runs);
     let kept = mesh.tetrahedra.iter().zip(&gone).filter(|(_, gone)| !**gone).map(|(t, _)| *t).collect();
     let whole = std::mem::replace(&mut mesh.tetrahedra, kept);
-    if pieces_of(mesh).count > before || mesh.tetrahedra.is_empty() {
+    let (pieces_after, apart_after) = pieces(mesh, runs);
+    if pieces_after > pieces_before || apart_after > apart_before || mesh.tetrahedra.is_empty() {
         mesh.tetrahedra = whole;
         return 0;
     }

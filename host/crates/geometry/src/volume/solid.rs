@@ -55,7 +55,7 @@ impl Solid {
             Err(error) => return Err(VolumeError::Improvement(error)),
         }
         if keep_shell.is_none() {
-            whole.report.slivers_left_out = peel_slivers(&mut self.mesh, &fixed);
+            whole.report.slivers_left_out = peel_slivers(&mut self.mesh, &fixed, &whole.segments);
         }
         Ok(())
     }
@@ -130,7 +130,7 @@ fn positions(mesh: &TetrahedralMesh) -> impl Iterator<Item = [DVec3; 4]> + '_ {
 }
 
 /// Elements that are joined through facets.
-pub(super) fn pieces_of(mesh: &TetrahedralMesh) -> Components {
+fn pieces_of(mesh: &TetrahedralMesh) -> Components {
     let facets = sorted_facets(mesh);
     let joined: Vec<[u32; 3]> =
         facets.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1, pair[1].1]).collect();
@@ -138,7 +138,7 @@ pub(super) fn pieces_of(mesh: &TetrahedralMesh) -> Components {
 }
 
 /// How many pieces there are, joined through facets, and how many groups of bones that share ends lie in several.
-fn pieces(mesh: &TetrahedralMesh, runs: &[Vec<u32>]) -> (usize, usize) {
+pub(super) fn pieces(mesh: &TetrahedralMesh, runs: &[Vec<u32>]) -> (usize, usize) {
     let pieces = pieces_of(mesh);
     let mut pieces_at: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices.len()];
     for (element, t) in mesh.tetrahedra.iter().enumerate() {
