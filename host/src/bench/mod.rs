@@ -17,6 +17,7 @@ mod protocol;
 mod stream;
 mod volume;
 mod volume_growth;
+mod weight_convergence;
 mod weights;
 mod winding;
 
@@ -111,6 +112,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: volume_growth::NAMES, run: volume_growth::run },
     Benchmark { names: weights::NAMES, run: weights::run },
     Benchmark { names: bind::NAMES, run: bind::run },
+    Benchmark { names: weight_convergence::NAMES, run: weight_convergence::run },
     Benchmark { names: stream::NAMES, run: stream::run },
     Benchmark { names: device::NAMES, run: device::run },
 ];
