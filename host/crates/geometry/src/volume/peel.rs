@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::elements::Elements;
-use super::solid::{pieces, sorted_facets};
-use crate::TetrahedralMesh;
+use super::solid::{pieces, pieces_of, sorted_facets};
+use crate::{TetrahedralMesh, connected_components};
 
 /// Elements with a smaller height than this, beside their longest edge, are flat up to rounding.
 const FLAT: f64 = 1e-9;
@@ -65,15 +65,44 @@ pub(super) fn peel_slivers(mesh: &mut TetrahedralMesh, needed: &[bool], runs: &[
     if peeled == 0 {
         return 0;
     }
-    let (pieces_before, apart_before) = pieces(mesh, runs);
+    let (_, apart_before) = pieces(mesh, runs);
+    let before = Joined::of(mesh);
     let kept = mesh.tetrahedra.iter().zip(&gone).filter(|(_, gone)| !**gone).map(|(t, _)| *t).collect();
     let whole = std::mem::replace(&mut mesh.tetrahedra, kept);
-    let (pieces_after, apart_after) = pieces(mesh, runs);
-    if pieces_after > pieces_before || apart_after > apart_before || mesh.tetrahedra.is_empty() {
+    if mesh.tetrahedra.is_empty()
+        || before.kept(&gone).is_split_in(&Joined::of(mesh))
+        || pieces(mesh, runs).1 > apart_before
+    {
         mesh.tetrahedra = whole;
         return 0;
     }
     peeled
+}
+
+/// The piece of every element, joined through facets, and joined through corners.
+struct Joined([Vec<u32>; 2]);
+
+impl Joined {
+    fn of(mesh: &TetrahedralMesh) -> Self {
+        let sides: Vec<[u32; 3]> = mesh.tetrahedra.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, b, d]]).collect();
+        let through_corners = connected_components(mesh.vertices.len(), &sides);
+        let at = |t: &[u32; 4]| through_corners.of_vertex[t[0] as usize];
+        Self([pieces_of(mesh).of_vertex, mesh.tetrahedra.iter().map(at).collect()])
+    }
+
+    fn kept(self, gone: &[bool]) -> Self {
+        Self(self.0.map(|all| all.into_iter().zip(gone).filter(|(_, gone)| !**gone).map(|(piece, _)| piece).collect()))
+    }
+
+    /// Whether elements of one piece lie in several pieces of the other.
+    fn is_split_in(&self, other: &Self) -> bool {
+        self.0.iter().zip(&other.0).any(|(own, others)| {
+            let mut pairs: Vec<(u32, u32)> = own.iter().copied().zip(others.iter().copied()).collect();
+            pairs.sort_unstable();
+            pairs.dedup();
+            pairs.windows(2).any(|pair| pair[0].0 == pair[1].0)
+        })
+    }
 }
 
 fn is_sliver(mesh: &TetrahedralMesh, corners: [u32; 4]) -> bool {

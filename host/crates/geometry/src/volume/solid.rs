@@ -130,7 +130,7 @@ fn positions(mesh: &TetrahedralMesh) -> impl Iterator<Item = [DVec3; 4]> + '_ {
 }
 
 /// Elements that are joined through facets.
-fn pieces_of(mesh: &TetrahedralMesh) -> Components {
+pub(super) fn pieces_of(mesh: &TetrahedralMesh) -> Components {
     let facets = sorted_facets(mesh);
     let joined: Vec<[u32; 3]> =
         facets.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1, pair[1].1]).collect();
