@@ -29,8 +29,8 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let found = characters::find("human", &mut |_| ControlFlow::Continue(()))?;
     let performance = Performance::new(Arc::new(found.actor), None, Calibration::default(), ZeroPolicy::AtStart)?;
     let simulated = SimulatedArgs { motion: Some("wiggle".into()), ..SimulatedArgs::default() };
-    let live = Live::connect(PUPPET, &simulated)?;
-    live.start(SAMPLES_PER_SECOND);
+    let mut live = Live::connect(PUPPET, &simulated)?;
+    live.start_when_ready(SAMPLES_PER_SECOND);
     let plan = Plan { seconds: Some(args.stream_seconds), record: None, header: Header::default() };
     let (_, summary) = perform::perform(live, performance, &plan, &mut |_, _| ())?;
     if let Some(trouble) = summary.trouble {

@@ -83,12 +83,12 @@ fn make_character(name: &str, talk: Talk, say: &dyn Fn(String)) -> Result<Arc<Ac
 
 fn perform_and_record(
     args: &DemoArgs,
-    live: Live,
+    mut live: Live,
     actor: Arc<Actor>,
     take: &Path,
     talk: Talk,
 ) -> Result<Summary, Failure> {
-    live.start(args.rate);
+    live.start_when_ready(args.rate);
     live.catch_interrupt();
     // The demo's own take of an earlier run.
     if take.exists() {

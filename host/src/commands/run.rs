@@ -117,8 +117,8 @@ fn run_live(
 ) -> Result<(Performance, Summary), Failure> {
     let device = with_preset(&args.device, args.preset.as_deref())?;
     let eeprom = if args.servo_return_delay_zero { EepromConsent::ReturnDelayZero } else { EepromConsent::Never };
-    let live = Live::connect_with(&device, &args.simulated, ServoSettings { eeprom, ..ServoSettings::default() })?;
-    live.start(args.rate);
+    let mut live = Live::connect_with(&device, &args.simulated, ServoSettings { eeprom, ..ServoSettings::default() })?;
+    live.start_when_ready(args.rate);
     live.catch_interrupt();
     tell(talk, std::iter::once(format!("connected to {}; hold the rest pose (Ctrl-C ends)", live.address())));
     let bar = Bar::new(talk, "waiting for the puppet");

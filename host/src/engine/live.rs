@@ -24,6 +24,8 @@ pub struct Live {
     address: String,
     simulated: Option<SimulatedPuppet>,
     interrupted: Arc<AtomicBool>,
+    /// Samples a second that are wanted as soon as the character is ready for them.
+    wanted: Option<f64>,
 }
 
 impl Live {
@@ -53,7 +55,7 @@ impl Live {
         let opening = Connection::open(runtime.handle(), &address, settings);
         let connection = runtime.block_on(opening).map_err(|e| problem_failure(&e))?;
         let address = address.to_string();
-        Ok(Self { connection, runtime, address, simulated: process, interrupted: Arc::default() })
+        Ok(Self { connection, runtime, address, simulated: process, interrupted: Arc::default(), wanted: None })
     }
 
     /// From now on Ctrl-C interrupts the performance in place of ending the program at once.
@@ -81,6 +83,12 @@ impl Live {
         self.connection.start((samples_per_second * 1000.0).round() as u32);
     }
 
+    /// Wants this many samples a second once the puppet has described itself and the character is prepared for it, so
+    /// that no sample waits for that.
+    pub fn start_when_ready(&mut self, samples_per_second: f64) {
+        self.wanted = Some(samples_per_second);
+    }
+
     /// Makes a part show itself.
     pub fn blink(&self, uid: armature_device::PartUid, duration_millis: u16) {
         self.connection.blink(uid, duration_millis);
@@ -103,6 +111,12 @@ impl Live {
 impl Source for Live {
     fn next(&mut self) -> Next {
         self.next_within(PATIENCE)
+    }
+
+    fn ready(&mut self) {
+        if let Some(samples_per_second) = self.wanted.take() {
+            self.start(samples_per_second);
+        }
     }
 
     fn now(&self) -> f64 {

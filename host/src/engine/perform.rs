@@ -32,6 +32,9 @@ pub enum Next {
 pub trait Source {
     /// The next event, waiting a little for it.
     fn next(&mut self) -> Next;
+    /// The character is prepared for the puppet as it is plugged together now: samples may come. Told after every
+    /// topology; on a virtual clock nothing comes too early.
+    fn ready(&mut self) {}
     /// The session's time, seconds.
     fn now(&self) -> f64;
     /// How long ago something was received; `None` on a virtual clock.
@@ -124,7 +127,7 @@ pub fn perform<S: Source>(
     let mut told = f64::NEG_INFINITY;
     while show.trouble.is_none() && !show.is_done(source.now()) && !source.interrupted() {
         match source.next() {
-            Next::Event(event) => show.take_in(&event, &source)?,
+            Next::Event(event) => show.take_in(&event, &mut source)?,
             Next::Over => {
                 let reason = "the line was closed".to_string();
                 show.trouble = Some(problem_failure(&DeviceProblem::Disconnected { reason }));
@@ -148,7 +151,7 @@ impl Show<'_> {
         self.began.zip(self.plan.seconds).is_some_and(|(began, seconds)| now - began >= seconds)
     }
 
-    fn take_in(&mut self, event: &Event, source: &impl Source) -> Result<(), Failure> {
+    fn take_in(&mut self, event: &Event, source: &mut impl Source) -> Result<(), Failure> {
         match event {
             Event::Connected(info) => self.device = Some(info.clone()),
             Event::Problem(problem) => self.take_problem(problem)?,
@@ -156,6 +159,9 @@ impl Show<'_> {
             _ => {}
         }
         let outcome = self.stage.handle(event)?;
+        if outcome.new_topology {
+            source.ready();
+        }
         if !outcome.posed || !self.stage.is_ready() {
             return Ok(());
         }

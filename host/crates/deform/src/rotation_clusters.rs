@@ -1,5 +1,7 @@
 //! Groups of edge sets that share a rotation: k-means in weight space (thesis 7.3.2).
 
+use std::collections::HashMap;
+
 use rayon::prelude::*;
 
 /// Lloyd's rounds; the assignment of 90k points to 34 clusters settles in 20 to 60, and the last ones move few.
@@ -14,8 +16,9 @@ pub(crate) fn rotation_clusters(points: &[f64], dimension: usize, wanted: usize,
     if wanted >= count {
         return ((0..count as u32).collect(), count);
     }
-    let mut centres = spread_centres(points, dimension, wanted, seed);
-    let mut cluster_of = vec![u32::MAX; count];
+    let Distinct { points, times, of_point } = distinct(points, dimension);
+    let mut centres = spread_centres(&points, &times, dimension, wanted, seed);
+    let mut cluster_of = vec![u32::MAX; times.len()];
     for _ in 0..ROUNDS {
         let moved: usize = cluster_of
             .par_iter_mut()
@@ -29,9 +32,42 @@ pub(crate) fn rotation_clusters(points: &[f64], dimension: usize, wanted: usize,
         if moved == 0 {
             break;
         }
-        move_to_means(points, &cluster_of, &mut centres, dimension);
+        move_to_means(&points, &times, &cluster_of, &mut centres, dimension);
     }
-    without_gaps(cluster_of, centres.len() / dimension)
+    let (cluster_of, used) = without_gaps(cluster_of, centres.len() / dimension);
+    (of_point.into_iter().map(|own| cluster_of[own as usize]).collect(), used)
+}
+
+/// Points without repetitions, and how often each occurs. Wherever one bone alone moves the shape, which is most of
+/// it, all points are the same.
+struct Distinct {
+    points: Vec<f64>,
+    times: Vec<f64>,
+    of_point: Vec<u32>,
+}
+
+fn distinct(all: &[f64], dimension: usize) -> Distinct {
+    let mut numbers: HashMap<Vec<u64>, u32> = HashMap::new();
+    let mut distinct = Distinct { points: Vec::new(), times: Vec::new(), of_point: Vec::new() };
+    let mut key = Vec::with_capacity(dimension);
+    for point in all.chunks_exact(dimension) {
+        key.clear();
+        // Zeros of both signs are one number.
+        key.extend(point.iter().map(|c| (c + 0.0).to_bits()));
+        let number = match numbers.get(&key) {
+            Some(number) => *number,
+            None => {
+                let number = distinct.times.len() as u32;
+                numbers.insert(key.clone(), number);
+                distinct.points.extend_from_slice(point);
+                distinct.times.push(0.0);
+                number
+            }
+        };
+        distinct.times[number as usize] += 1.0;
+        distinct.of_point.push(number);
+    }
+    distinct
 }
 
 fn nearest_centre(point: &[f64], centres: &[f64], dimension: usize) -> u32 {
@@ -46,7 +82,7 @@ fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 
 /// Centres drawn one by one with a probability proportional to the squared distance from those already there
 /// (Arthur and Vassilvitskii 2007).
-fn spread_centres(points: &[f64], dimension: usize, wanted: usize, seed: u64) -> Vec<f64> {
+fn spread_centres(points: &[f64], times: &[f64], dimension: usize, wanted: usize, seed: u64) -> Vec<f64> {
     let count = points.len() / dimension;
     let mut state = seed;
     let mut first = (split_mix(&mut state) % count as u64) as usize;
@@ -58,14 +94,14 @@ fn spread_centres(points: &[f64], dimension: usize, wanted: usize, seed: u64) ->
         for (distance, point) in distances.iter_mut().zip(points.chunks_exact(dimension)) {
             *distance = distance.min(squared_distance(point, centre));
         }
-        let total: f64 = distances.iter().sum();
+        let total: f64 = distances.iter().zip(times).map(|(distance, times)| distance * times).sum();
         if centres.len() == wanted * dimension || total <= 0.0 {
             return centres;
         }
         let mut left = total * (split_mix(&mut state) >> 11) as f64 / (1_u64 << 53) as f64;
         first = count - 1;
-        for (i, distance) in distances.iter().enumerate() {
-            left -= distance;
+        for (i, (distance, times)) in distances.iter().zip(times).enumerate() {
+            left -= distance * times;
             if left < 0.0 {
                 first = i;
                 break;
@@ -75,17 +111,17 @@ fn spread_centres(points: &[f64], dimension: usize, wanted: usize, seed: u64) ->
 }
 
 /// A cluster that has lost all its points stays where it was.
-fn move_to_means(points: &[f64], cluster_of: &[u32], centres: &mut [f64], dimension: usize) {
+fn move_to_means(points: &[f64], times: &[f64], cluster_of: &[u32], centres: &mut [f64], dimension: usize) {
     let mut sums = vec![0.0; centres.len()];
-    let mut sizes = vec![0_usize; centres.len() / dimension];
-    for (point, &cluster) in points.chunks_exact(dimension).zip(cluster_of) {
+    let mut sizes = vec![0.0; centres.len() / dimension];
+    for ((point, &times), &cluster) in points.chunks_exact(dimension).zip(times).zip(cluster_of) {
         let cluster = cluster as usize;
-        sizes[cluster] += 1;
-        crate::dense::add_multiple(&mut sums[cluster * dimension..(cluster + 1) * dimension], 1.0, point);
+        sizes[cluster] += times;
+        crate::dense::add_multiple(&mut sums[cluster * dimension..(cluster + 1) * dimension], times, point);
     }
-    for (cluster, &size) in sizes.iter().enumerate().filter(|(_, size)| **size > 0) {
+    for (cluster, &size) in sizes.iter().enumerate().filter(|(_, size)| **size > 0.0) {
         for c in cluster * dimension..(cluster + 1) * dimension {
-            centres[c] = sums[c] / size as f64;
+            centres[c] = sums[c] / size;
         }
     }
 }
