@@ -321,3 +321,11 @@ fn the_fox_keeps_its_rig() {
     let fox = character(&place, "fox.armature");
     assert!(fox.texture.is_some() && fox.texture_coordinates.is_some());
 }
+
+#[test]
+fn the_rules_for_usb_are_printed_for_a_pipe() {
+    let place = Place::new("udev-rules");
+    let printed = place.done(&["devices", "--udev-rules"]);
+    assert_eq!(printed.out, armature_device::UDEV_RULES);
+    assert!(printed.out.lines().any(|line| line.contains("ff4101") && line.ends_with("TAG+=\"uaccess\"")));
+}

@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use armature::app::engine::{CharacterChoice, Command, EngineEvent, EngineLink, FoundDevice, Problem, link};
 use armature::app::{Start, Window};
+use armature_rig::CalibrationStep;
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
@@ -155,6 +156,30 @@ fn zero_and_record_by_click_and_by_key() {
     stage.snapshot("5-saved");
     stage.click("Close");
     assert!(!stage.sees("Take saved"));
+}
+
+#[test]
+fn calibration_steps_are_in_the_menu_of_zero() {
+    for step in CalibrationStep::ALL {
+        let mut stage = connected();
+        stage.harness.get_by_label("Zero").click_secondary();
+        stage.harness.run_steps(6);
+        stage.snapshot("9-calibrate");
+        stage.click(&format!("Calibrate: {step}"));
+        assert_eq!(stage.commands(), [Command::Calibrate(step)]);
+        stage.tell([EngineEvent::Busy { task: format!("{step}: get ready (3 s)"), fraction: None }]);
+        assert!(stage.sees("get ready (3 s)"));
+        stage.tell([EngineEvent::Idle, EngineEvent::Calibrated { step, measured: 40, failed: 0 }]);
+        assert!(!stage.sees("get ready"), "the step is over");
+    }
+}
+
+#[test]
+fn what_the_line_does_to_the_stream_is_counted_at_the_bottom() {
+    let stage = connected();
+    for name in ["Lost", "Checksum errors", "Resyncs"] {
+        assert!(stage.harness.query_by_label(name).is_some(), "{name}");
+    }
 }
 
 #[test]

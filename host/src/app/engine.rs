@@ -226,6 +226,8 @@ pub struct Stats {
     pub lost_samples: u64,
     /// Frames thrown away because of their checksum.
     pub crc_errors: u64,
+    /// Pieces of the stream that were no frame; the decoder went on with the next frame.
+    pub resyncs: u64,
     /// Last byte of a sample → skinned character: median.
     pub latency_p50_micros: f32,
     /// The same, 99th percentile.

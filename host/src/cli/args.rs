@@ -291,6 +291,11 @@ pub struct DevicesArgs {
     /// mean, and precisely what is wrong with each frame that is malformed
     #[arg(long, value_name = "FILE|ADDRESS", conflicts_with = "watch")]
     pub decode: Option<String>,
+    /// Print the rules that let Linux users open puppets and servo adapters without being in a group:
+    /// `armature devices --udev-rules | sudo tee /etc/udev/rules.d/70-armature.rules`, then
+    /// `sudo udevadm control --reload`, and plug the device in again
+    #[arg(long, conflicts_with_all = ["watch", "decode"])]
+    pub udev_rules: bool,
     /// For how long to listen to a device that is decoded
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, value_parser = positive_seconds)]
     pub listen: f64,

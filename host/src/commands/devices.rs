@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use armature_device::servo::{ServoArm, ServoProtocol};
-use armature_device::{DeviceDescription, DeviceGuess, DeviceWatch, Plugged, PortChange, list_devices};
+use armature_device::{DeviceDescription, DeviceGuess, DeviceWatch, Plugged, PortChange, UDEV_RULES, list_devices};
 
 use super::decode::decode;
 use crate::cli::args::DevicesArgs;
@@ -19,7 +19,11 @@ pub fn devices(args: &DevicesArgs) -> Result<(), Failure> {
         return decode(what, args.listen);
     }
     let mut out = io::stdout().lock();
-    let written = if args.watch { watch(&mut out, args.seconds) } else { list(&mut out) };
+    let written = match args {
+        DevicesArgs { udev_rules: true, .. } => out.write_all(UDEV_RULES.as_bytes()),
+        DevicesArgs { watch: true, seconds, .. } => watch(&mut out, *seconds),
+        _ => list(&mut out),
+    };
     match written {
         // Whoever read the list has seen enough.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),

@@ -44,6 +44,7 @@ impl FrameClock {
             samples: counters.samples,
             lost_samples: counters.lost_samples,
             crc_errors: counters.checksum_errors,
+            resyncs: counters.framing_errors,
             latency_p50_micros: summary.p50 as f32,
             latency_p99_micros: summary.p99 as f32,
         }

@@ -111,6 +111,7 @@ pub(crate) fn frame(character: &CharacterView) -> Box<Frame> {
             samples: 12_480,
             lost_samples: 0,
             crc_errors: 2,
+            resyncs: 3,
             latency_p50_micros: 310.0,
             latency_p99_micros: 840.0,
         },

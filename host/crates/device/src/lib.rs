@@ -38,7 +38,7 @@ pub use discovery::{DeviceDescription, DeviceGuess, Plugged, UsbDescription, lis
 pub use event::{DeviceInfo, Event, Sample, SessionCounters};
 pub use firmware_protocol::{PartKind, PartRecord as Part, PartUid, RefusalReason, SensorState, features};
 pub use notice::DeviceNotice;
-pub use problem::DeviceProblem;
+pub use problem::{DeviceProblem, UDEV_RULES};
 pub use requests::RequestKind;
 pub use session::{Session, SessionSettings};
 pub use topology::{MAX_PARTS, Topology, TopologyProblem};

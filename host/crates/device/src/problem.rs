@@ -212,14 +212,17 @@ impl DeviceProblem {
     }
 }
 
+/// What gives a user of Linux puppets and servo adapters on USB without a group: a file for `/etc/udev/rules.d`.
+pub const UDEV_RULES: &str = include_str!("../udev/70-armature.rules");
+
+const INSTALL_RULES: &str = "`armature devices --udev-rules | sudo tee /etc/udev/rules.d/70-armature.rules`, then \
+                             `sudo udevadm control --reload`, and plug the device in again";
+
 fn usb_permission_remedy(node: &str) -> String {
     if !cfg!(target_os = "linux") {
         return String::new();
     }
-    format!(
-        " ({node} belongs to others): copy host/crates/device/udev/70-armature.rules to /etc/udev/rules.d, reload the \
-         rules (`sudo udevadm control --reload`) and plug the device in again"
-    )
+    format!(" ({node} belongs to others): {INSTALL_RULES}")
 }
 
 /// Where one cannot simply join a group, a rule for the device manager does.
@@ -229,8 +232,8 @@ fn permission_remedy(group: Option<&str>) -> String {
     }
     let group = group.filter(|group| *group != "root").unwrap_or("dialout");
     format!(
-        ": add yourself to the group that may (`sudo usermod -aG {group} $USER`, then log out and in), or copy \
-         host/crates/device/udev/70-armature.rules to /etc/udev/rules.d and plug the device in again"
+        ": add yourself to the group that may (`sudo usermod -aG {group} $USER`, then log out and in), or \
+         {INSTALL_RULES}"
     )
 }
 

@@ -24,6 +24,9 @@ pub(super) fn show(ui: &mut Ui, state: &State, adapter: &str) {
                     alarm(stats.crc_errors),
                     "Frames thrown away because they arrived damaged",
                 );
+                let resyncs = grouped(stats.resyncs);
+                let hint = "Pieces of the stream that were no frame; reading went on with the next frame";
+                item(ui, "Resyncs", &resyncs, alarm(stats.resyncs), hint);
                 let millis = |micros: f32| format!("{:.2}", micros / 1000.0);
                 let latency = format!("{} / {} ms", millis(stats.latency_p50_micros), millis(stats.latency_p99_micros));
                 item(
