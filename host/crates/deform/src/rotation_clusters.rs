@@ -54,16 +54,13 @@ fn distinct(all: &[f64], dimension: usize) -> Distinct {
         key.clear();
         // Zeros of both signs are one number.
         key.extend(point.iter().map(|c| (c + 0.0).to_bits()));
-        let number = match numbers.get(&key) {
-            Some(number) => *number,
-            None => {
-                let number = distinct.times.len() as u32;
-                numbers.insert(key.clone(), number);
-                distinct.points.extend_from_slice(point);
-                distinct.times.push(0.0);
-                number
-            }
-        };
+        let number = numbers.get(&key).copied().unwrap_or_else(|| {
+            let number = distinct.times.len() as u32;
+            numbers.insert(key.clone(), number);
+            distinct.points.extend_from_slice(point);
+            distinct.times.push(0.0);
+            number
+        });
         distinct.times[number as usize] += 1.0;
         distinct.of_point.push(number);
     }
