@@ -22,8 +22,8 @@ struct DualQuaternion(Lane);
 /// bent or twisted.
 #[derive(Clone, Debug)]
 pub struct DualQuaternionSkin {
-    blocks: SkinBlocks,
-    pivots: Pivots,
+    pub(crate) blocks: SkinBlocks,
+    pub(crate) pivots: Pivots,
     bone_from_rest: Vec<DAffine3>,
     rest_origins: Vec<DVec3>,
     model_from_rest: Vec<DualQuaternion>,
@@ -77,22 +77,33 @@ impl DualQuaternionSkin {
         normals: &mut [[f32; 3]],
     ) -> Result<(), SkinError> {
         expect_length("posed bones", model_from_bone.len(), self.bone_count())?;
-        expect_length("room for positions", positions.len(), self.vertex_count())?;
-        expect_length("room for normals", normals.len(), self.vertex_count())?;
+        self.blocks.check_room(positions, normals)?;
         self.set_pose(model_from_bone)?;
-        for (signed, [pivot, other]) in self.signed.iter_mut().zip(&self.pivots.pairs) {
-            let [pivot, other] = [pivot, other].map(|bone| self.model_from_rest[usize::from(*bone)].0);
-            *signed = DualQuaternion(if along(&pivot, &other) < 0.0 { other.map(|c| -c) } else { other });
-        }
-        let (layers, pairs, motions) = (&self.blocks.layers, &self.pivots.of_layers, &self.signed);
+        let skin = &*self;
         let skin_chunk = |blocks: &[Block], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
-            with_eight(SkinChunk { blocks, layers, pairs, motions, positions, normals });
+            with_eight(SkinChunk { skin, blocks, positions, normals });
         };
         self.blocks.in_chunks(positions, normals, skin_chunk);
         Ok(())
     }
 
-    fn set_pose(&mut self, model_from_bone: &[Affine3A]) -> Result<(), SkinError> {
+    /// What the pose does to each of a block's vertices.
+    #[inline(always)]
+    pub(crate) fn motion_of<E: Eight>(&self, block: &Block) -> [E; 8] {
+        let layers = block.layers();
+        blend(&self.blocks.layers[layers.clone()], &self.pivots.of_layers[layers], &self.signed)
+    }
+
+    pub(crate) fn set_pose(&mut self, model_from_bone: &[Affine3A]) -> Result<(), SkinError> {
+        self.set_motions(model_from_bone)?;
+        for (signed, [pivot, other]) in self.signed.iter_mut().zip(&self.pivots.pairs) {
+            let [pivot, other] = [pivot, other].map(|bone| self.model_from_rest[usize::from(*bone)].0);
+            *signed = DualQuaternion(if along(&pivot, &other) < 0.0 { other.map(|c| -c) } else { other });
+        }
+        Ok(())
+    }
+
+    fn set_motions(&mut self, model_from_bone: &[Affine3A]) -> Result<(), SkinError> {
         for (number, eight) in model_from_bone.chunks(LANES).enumerate() {
             let mut linear = [[[0.0; LANES]; 3]; 3];
             for (lane, frame) in eight.iter().enumerate() {
@@ -127,10 +138,8 @@ fn along(a: &Lane, b: &Lane) -> f32 {
 }
 
 struct SkinChunk<'a> {
+    skin: &'a DualQuaternionSkin,
     blocks: &'a [Block],
-    layers: &'a [Layer],
-    pairs: &'a [[u32; LANES]],
-    motions: &'a [DualQuaternion],
     positions: &'a mut [[f32; 3]],
     normals: &'a mut [[f32; 3]],
 }
@@ -142,8 +151,7 @@ impl EightKernel for SkinChunk<'_> {
     fn run<E: Eight>(self) {
         let outputs = self.positions.chunks_mut(LANES).zip(self.normals.chunks_mut(LANES));
         for (block, (positions, normals)) in self.blocks.iter().zip(outputs) {
-            let layers = block.layers();
-            let motion = blend::<E>(&self.layers[layers.clone()], &self.pairs[layers], self.motions);
+            let motion = self.skin.motion_of::<E>(block);
             write(move_by_motion(&motion, load(&block.position)), positions);
             write(turn(&motion, load(&block.normal)), normals);
         }

@@ -17,6 +17,9 @@ mod nearest_rotation;
 mod reduced_arap;
 mod rotation_clusters;
 mod skin_blocks;
+mod stretch_twist_blocks;
+mod stretch_twist_dual;
+mod stretch_twist_linear;
 mod stretch_twist_skinning;
 mod widest;
 

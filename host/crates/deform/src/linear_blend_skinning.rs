@@ -23,7 +23,7 @@ struct Rows {
 /// A character made ready to be skinned every frame.
 #[derive(Clone, Debug)]
 pub struct LinearBlendSkin {
-    blocks: SkinBlocks,
+    pub(crate) blocks: SkinBlocks,
     bone_from_rest: Vec<DAffine3>,
     model_from_rest: Vec<Rows>,
 }
@@ -115,24 +115,34 @@ impl LinearBlendSkin {
         normals: &mut [[f32; 3]],
     ) -> Result<(), SkinError> {
         expect_length("posed bones", model_from_bone.len(), self.bone_count())?;
-        expect_length("room for positions", positions.len(), self.vertex_count())?;
-        expect_length("room for normals", normals.len(), self.vertex_count())?;
-        for (bone, (frame, rest)) in model_from_bone.iter().zip(&self.bone_from_rest).enumerate() {
-            self.model_from_rest[bone] = rows_of(&(widen(frame) * *rest)).ok_or(SkinError::PoseNotFinite { bone })?;
+        self.blocks.check_room(positions, normals)?;
+        for (bone, frame) in model_from_bone.iter().enumerate() {
+            self.set_bone(bone, frame)?;
         }
-        let (layers, bones) = (&self.blocks.layers, &self.model_from_rest);
+        let skin = &*self;
         let skin_chunk = |blocks: &[Block], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
-            with_eight(SkinChunk { blocks, layers, bones, positions, normals });
+            with_eight(SkinChunk { skin, blocks, positions, normals });
         };
         self.blocks.in_chunks(positions, normals, skin_chunk);
         Ok(())
     }
+
+    pub(crate) fn set_bone(&mut self, bone: usize, frame: &Affine3A) -> Result<(), SkinError> {
+        let moved = widen(frame) * self.bone_from_rest[bone];
+        self.model_from_rest[bone] = rows_of(&moved).ok_or(SkinError::PoseNotFinite { bone })?;
+        Ok(())
+    }
+
+    /// What the pose does to each of a block's vertices.
+    #[inline(always)]
+    pub(crate) fn map_of<E: Eight>(&self, block: &Block) -> Map<E> {
+        blend(&self.blocks.layers[block.layers()], &self.model_from_rest)
+    }
 }
 
 struct SkinChunk<'a> {
+    skin: &'a LinearBlendSkin,
     blocks: &'a [Block],
-    layers: &'a [Layer],
-    bones: &'a [Rows],
     positions: &'a mut [[f32; 3]],
     normals: &'a mut [[f32; 3]],
 }
@@ -144,7 +154,7 @@ impl EightKernel for SkinChunk<'_> {
     fn run<E: Eight>(self) {
         let outputs = self.positions.chunks_mut(LANES).zip(self.normals.chunks_mut(LANES));
         for (block, (positions, normals)) in self.blocks.iter().zip(outputs) {
-            let map = blend::<E>(&self.layers[block.layers()], self.bones);
+            let map = self.skin.map_of::<E>(block);
             write(move_by_map(&map, load(&block.position)), positions);
             write(turn_by_map(&map, load(&block.normal)), normals);
         }

@@ -11,7 +11,7 @@ use armature_geometry::Influences;
 
 use crate::eight::Eight;
 use crate::in_chunks::in_chunks;
-use crate::linear_blend_skinning::unit;
+use crate::linear_blend_skinning::{SkinError, expect_length, unit};
 use crate::nearest_rotation::{LANES, Lane};
 
 /// A blended map whose cofactors, relative to its own largest entry, shrink a normal to less than this (squared)
@@ -92,6 +92,12 @@ impl SkinBlocks {
             }
         }
         out
+    }
+
+    /// Whether there is room for every vertex's position and normal.
+    pub(crate) fn check_room(&self, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<(), SkinError> {
+        expect_length("room for positions", positions.len(), self.vertex_count)?;
+        expect_length("room for normals", normals.len(), self.vertex_count)
     }
 
     /// Calls `skin` on parts of the blocks and the room for their results; see [`in_chunks`].
