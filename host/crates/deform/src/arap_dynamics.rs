@@ -1,5 +1,7 @@
 //! Momentum and gravity for reduced as-rigid-as-possible poses: an implicit step in time (thesis section 7.7).
 
+use std::sync::Arc;
+
 use glam::{Affine3A, Vec3};
 
 use crate::arap_constraints::{Resistance, System};
@@ -44,7 +46,7 @@ pub(crate) struct Motion {
     /// Time that has not been stepped over yet (s).
     pub(crate) left: f64,
     /// The systems of the last few step lengths and what they were made for, the latest last.
-    systems: Vec<(Resistance, System)>,
+    systems: Vec<(Resistance, Arc<System>)>,
 }
 
 impl Motion {
@@ -139,7 +141,7 @@ impl ReducedArap {
         }
     }
 
-    fn system_for(&mut self, resistance: Resistance) -> Result<System, ArapError> {
+    fn system_for(&mut self, resistance: Resistance) -> Result<Arc<System>, ArapError> {
         let systems = &mut self.motion.systems;
         if let Some(place) = systems.iter().position(|(of, _)| of == &resistance) {
             return Ok(systems.remove(place).1);
@@ -148,6 +150,6 @@ impl ReducedArap {
             systems.remove(0);
         }
         let anchors: &[Anchor] = &self.anchors;
-        System::new(&self.reduction, &self.system.constraints, anchors, Some(resistance))
+        Ok(Arc::new(System::new(&self.reduction, &self.system.constraints, anchors, Some(resistance))?))
     }
 }

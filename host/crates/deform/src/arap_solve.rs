@@ -8,7 +8,7 @@ use glam::{Affine3A, Vec3};
 
 use crate::arap_constraints::{Source, System};
 use crate::arap_reduction::Reduction;
-use crate::dense::dot;
+use crate::dense::dot_three;
 use crate::nearest_rotation::{LANES, Matrices, nearest_rotations_inlined};
 use crate::reduced_arap::{ArapOutcome, ArapReport, ArapStop, ArapWarnings, HandleConstraint, ReducedArap, State};
 use crate::widest::{Kernel, widest};
@@ -132,20 +132,27 @@ fn set_base(reduction: &Reduction, system: &System, state: &mut State) {
         for (given, &row) in state.given[axis].iter_mut().zip(&system.known) {
             *given = state.transposed[axis][row];
         }
-        let base = &mut state.base[axis];
-        for (i, &row) in system.open.iter().enumerate() {
-            let from_known = dot(system.known_to_open.row(i), &state.given[axis]);
-            let pushed = system.force_to_open.as_ref().map_or(0.0, |push| dot(push.row(i), &state.force[axis]));
-            base[row] =
-                dot(system.targets_to_open.row(i), &state.right[axis][..system.equations.rows]) - from_known + pushed;
+    }
+    let [x, y, z] = &state.right;
+    let right = [x, y, z].map(|column| &column[..system.equations.rows]);
+    for (i, &row) in system.open.iter().enumerate() {
+        let fixed = dot_three(system.targets_to_open.row(i), right);
+        let from_known = dot_three(system.known_to_open.row(i), slices(&state.given));
+        let pushed = system.force_to_open.as_ref().map(|push| dot_three(push.row(i), slices(&state.force)));
+        for axis in 0..3 {
+            state.base[axis][row] = fixed[axis] - from_known[axis] + pushed.map_or(0.0, |pushed| pushed[axis]);
         }
+    }
+    for axis in 0..3 {
         for &row in &system.known {
-            base[row] = state.transposed[axis][row];
+            state.base[axis][row] = state.transposed[axis][row];
         }
-        for cluster in 0..reduction.cluster_count {
-            for rest in 0..3 {
-                let value = dot(reduction.covariance.row(3 * cluster + rest), base);
-                state.still[cluster / LANES][rest][axis][cluster % LANES] = value as f32;
+    }
+    for cluster in 0..reduction.cluster_count {
+        for rest in 0..3 {
+            let values = dot_three(reduction.covariance.row(3 * cluster + rest), slices(&state.base));
+            for axis in 0..3 {
+                state.still[cluster / LANES][rest][axis][cluster % LANES] = values[axis] as f32;
             }
         }
     }
@@ -268,11 +275,18 @@ fn finish(system: &System, state: &mut State) {
                 three[rest] = f64::from(state.rotations[cluster / LANES][rest][axis][cluster % LANES]);
             }
         }
-        for (i, &row) in system.open.iter().enumerate() {
-            let turned = dot(system.rotations_to_open.row(i), &state.wide[axis]);
-            state.transposed[axis][row] = state.base[axis][row] + turned;
+    }
+    for (i, &row) in system.open.iter().enumerate() {
+        let turned = dot_three(system.rotations_to_open.row(i), slices(&state.wide));
+        for axis in 0..3 {
+            state.transposed[axis][row] = state.base[axis][row] + turned[axis];
         }
     }
+}
+
+#[inline(always)]
+fn slices(columns: &[Vec<f64>; 3]) -> [&[f64]; 3] {
+    [&columns[0], &columns[1], &columns[2]]
 }
 
 fn contradiction(reduction: &Reduction, system: &System, state: &State) -> Option<f64> {
@@ -281,9 +295,8 @@ fn contradiction(reduction: &Reduction, system: &System, state: &State) -> Optio
         if matches!(source, Source::Rest(_)) {
             continue;
         }
-        let miss =
-            |axis: usize| dot(system.equations.row(equation), &state.transposed[axis]) - state.right[axis][equation];
-        let missed = (0..3).map(|axis| miss(axis).powi(2)).sum::<f64>().sqrt();
+        let met = dot_three(system.equations.row(equation), slices(&state.transposed));
+        let missed = (0..3).map(|axis| (met[axis] - state.right[axis][equation]).powi(2)).sum::<f64>().sqrt();
         let far = (0..3).fold(1.0_f64, |far, axis| far.max(state.right[axis][equation].abs()));
         if missed > MISSED * far {
             worst = worst.max(missed);
@@ -296,13 +309,17 @@ fn contradiction(reduction: &Reduction, system: &System, state: &State) -> Optio
 #[inline(always)]
 fn energy(reduction: &Reduction, state: &State) -> f64 {
     let mut sum = reduction.constant;
-    for axis in 0..3 {
-        let t = &state.transposed[axis];
-        for (row, value) in t.iter().enumerate() {
-            sum += 0.5 * value * dot(reduction.stiffness.row(row), t);
+    let t = slices(&state.transposed);
+    for row in 0..reduction.stiffness.rows {
+        let pulled = dot_three(reduction.stiffness.row(row), t);
+        for axis in 0..3 {
+            sum += 0.5 * t[axis][row] * pulled[axis];
         }
-        for (row, turn) in state.wide[axis].iter().enumerate() {
-            sum -= turn * dot(reduction.covariance.row(row), t);
+    }
+    for row in 0..reduction.covariance.rows {
+        let covariance = dot_three(reduction.covariance.row(row), t);
+        for axis in 0..3 {
+            sum -= state.wide[axis][row] * covariance[axis];
         }
     }
     sum * reduction.energy_unit

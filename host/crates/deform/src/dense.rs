@@ -152,6 +152,30 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
+/// Three products with one row: three times the work on numbers that are read once. The same bits as [`dot`].
+#[inline(always)]
+pub(crate) fn dot_three(row: &[f64], columns: [&[f64]; 3]) -> [f64; 3] {
+    let (fours, rest) = row.as_chunks::<4>();
+    let [(a, a_rest), (b, b_rest), (c, c_rest)] = columns.map(|column| column.as_chunks::<4>());
+    let (mut of_a, mut of_b, mut of_c) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+    for (((row, a), b), c) in fours.iter().zip(a).zip(b).zip(c) {
+        for l in 0..4 {
+            of_a[l] += row[l] * a[l];
+            of_b[l] += row[l] * b[l];
+            of_c[l] += row[l] * c[l];
+        }
+    }
+    let mut out = [0.0; 3];
+    for (out, (sums, column)) in out.iter_mut().zip([(of_a, a_rest), (of_b, b_rest), (of_c, c_rest)]) {
+        let mut sum = 0.0;
+        for (row, value) in rest.iter().zip(column) {
+            sum += row * value;
+        }
+        *out = (sums[0] + sums[1]) + (sums[2] + sums[3]) + sum;
+    }
+    out
+}
+
 /// Equations `E x = p` split into what they fix and what they leave open.
 #[derive(Debug)]
 pub(crate) struct Elimination {

@@ -2,6 +2,7 @@
 //! skinning handles (thesis chapter 7).
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 
@@ -196,10 +197,13 @@ const LARGEST: f64 = 1e30;
 /// Built once ([`precompute`](Self::precompute), `f64`), switched between sets of constraints now and then
 /// ([`constrain`](Self::constrain), a fraction of a millisecond at 23 bones) and solved every frame
 /// ([`solve`](Self::solve), `f32`, no allocation, starting from the frame before).
+///
+/// A clone is another character of the same shape with a pose of its own: it shares what was precomputed, and the
+/// constraints until it switches to others. A crowd of clones stays in the processor's cache.
 #[derive(Clone, Debug)]
 pub struct ReducedArap {
-    pub(crate) reduction: Reduction,
-    pub(crate) system: System,
+    pub(crate) reduction: Arc<Reduction>,
+    pub(crate) system: Arc<System>,
     pub(crate) state: State,
     pub(crate) motion: Motion,
     /// Those of the last [`constrain`](Self::constrain).
@@ -240,7 +244,7 @@ impl ReducedArap {
         progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self, ArapError> {
         validate(shape)?;
-        let reduction = reduce(shape, settings, progress)?;
+        let reduction = Arc::new(reduce(shape, settings, progress)?);
         let rows = 4 * reduction.handle_count;
         let blocks = reduction.cluster_count.div_ceil(LANES);
         let mut identity = [[[0.0; LANES]; 3]; 3];
@@ -260,7 +264,7 @@ impl ReducedArap {
             anchor_targets: Vec::new(),
             transforms: vec![Affine3A::IDENTITY; reduction.handle_count],
         };
-        let system = System::default();
+        let system = Arc::new(System::default());
         let motion = Motion::new(rows);
         let mut arap = Self { reduction, system, state, motion, anchors: Vec::new() };
         arap.restart();
@@ -276,7 +280,7 @@ impl ReducedArap {
     /// remains the start of the next solve.
     pub fn constrain(&mut self, handles: &[HandleConstraint], anchors: &[Anchor]) -> Result<(), ArapError> {
         expect_length("constraints", handles.len(), self.handle_count())?;
-        self.system = System::new(&self.reduction, handles, anchors, None)?;
+        self.system = Arc::new(System::new(&self.reduction, handles, anchors, None)?);
         self.anchors = anchors.to_vec();
         self.motion.forget_systems();
         let equations = self.system.equation_count();
