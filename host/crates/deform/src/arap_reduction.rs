@@ -1,12 +1,14 @@
 //! The energy of a shape as a quadratic form of its handles' transformations (thesis eq. 7.15).
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use glam::Vec3;
 
 use crate::arap_energy::EdgeSets;
+use crate::arap_soft_joints::LimitedPair;
 use crate::dense::Dense;
-use crate::reduced_arap::{Anchor, ArapError, ArapSettings, ArapShape, SharedJoint, homogeneous};
+use crate::reduced_arap::{Anchor, ArapError, ArapSettings, ArapShape, MOST_CLUSTERS, SharedJoint, homogeneous};
 use crate::rotation_clusters::rotation_clusters;
 
 /// Everything about a shape that no constraint changes, in coordinates in which it has its centre at the origin and
@@ -33,7 +35,10 @@ pub(crate) struct Reduction {
     pub(crate) weightless: Vec<usize>,
     pub(crate) handle_points: Vec<[f64; 3]>,
     pub(crate) joints: Vec<SharedJoint>,
-    pub(crate) rows: LinearBlendRows,
+    /// In `Arc`: it grows with the shape, all else with the handles.
+    pub(crate) rows: Arc<LinearBlendRows>,
+    /// Soft joints with a limit; their rotations are the last clusters.
+    pub(crate) limits: Vec<LimitedPair>,
 }
 
 /// The rows of `M` by vertex: the handles with their weights, and the normalised position.
@@ -124,7 +129,7 @@ pub(crate) fn reduce(
         normalised.iter_mut().for_each(|p| p[2] = 0.0);
     }
     let sets = shape.energy.edge_sets(&normalised);
-    let (cluster_of, cluster_count) = clusters_of_sets(&sets, shape.weights, handle_count, settings);
+    let (cluster_of, cluster_count) = clusters_of_sets(&sets, shape.weights, handle_count, settings)?;
     proceed(progress, 0.2)?;
     let mut used = vec![false; handle_count];
     shape.weights.chunks_exact(handle_count).for_each(|row| {
@@ -145,7 +150,8 @@ pub(crate) fn reduce(
         weightless: (0..handle_count).filter(|&h| !used[h]).collect(),
         handle_points: shape.handle_points.to_vec(),
         joints: shape.joints.to_vec(),
-        rows: LinearBlendRows::new(normalised, shape.weights, handle_count),
+        rows: Arc::new(LinearBlendRows::new(normalised, shape.weights, handle_count)),
+        limits: Vec::new(),
     };
     reduction.add_covariances(&sets, &cluster_of, progress)?;
     reduction.add_stiffness(&sets, progress)?;
@@ -178,8 +184,11 @@ fn clusters_of_sets(
     weights: &[f64],
     handle_count: usize,
     settings: &ArapSettings,
-) -> (Vec<u32>, usize) {
-    let wanted = settings.clusters.unwrap_or(2 * handle_count).max(1);
+) -> Result<(Vec<u32>, usize), ArapError> {
+    let wanted = settings.clusters.unwrap_or(2 * handle_count).clamp(1, sets.corners.len().max(1));
+    if wanted > MOST_CLUSTERS {
+        return Err(ArapError::TooManyClusters { clusters: wanted });
+    }
     let mut features = vec![0.0; sets.corners.len() * handle_count];
     for (feature, corners) in features.chunks_exact_mut(handle_count).zip(&sets.corners) {
         for &corner in &corners[..sets.corner_count] {
@@ -187,7 +196,7 @@ fn clusters_of_sets(
             crate::dense::add_multiple(feature, 1.0 / sets.corner_count as f64, row);
         }
     }
-    rotation_clusters(&features, handle_count, wanted, settings.seed)
+    Ok(rotation_clusters(&features, handle_count, wanted, settings.seed))
 }
 
 impl Reduction {

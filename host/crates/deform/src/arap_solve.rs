@@ -190,7 +190,7 @@ impl Kernel for Solve<'_> {
     fn run(self) -> Solved {
         let Self { reduction, system, state, stop } = self;
         set_base(reduction, system, state);
-        let (iterations, change) = steps(system, state, reduction.planar, stop);
+        let (iterations, change) = steps(reduction, system, state, stop);
         finish(system, state);
         Solved { iterations, change, energy: energy(reduction, state) }
     }
@@ -198,20 +198,23 @@ impl Kernel for Solve<'_> {
 
 /// Local and global steps; returns how many, and the largest change in the last one.
 #[inline(always)]
-fn steps(system: &System, state: &mut State, planar: bool, stop: ArapStop) -> (usize, f32) {
-    let State { rotations, turned, still, .. } = state;
+fn steps(reduction: &Reduction, system: &System, state: &mut State, stop: ArapStop) -> (usize, f32) {
+    let State { rotations, turned, covariances, still, .. } = state;
     let columns = system.rotations_to_open.columns;
     let mut change = f32::INFINITY;
     for step in 0..stop.iterations {
-        change = 0.0;
         for (block, out) in turned.iter_mut().enumerate() {
             let panel = &system.panels[block * columns..(block + 1) * columns];
-            let mut covariances = covariances(panel, &still[block], rotations);
-            if planar {
-                hold_upright(&mut covariances);
+            covariances[block] = covariances_of(panel, &still[block], rotations);
+            if reduction.planar {
+                hold_upright(&mut covariances[block]);
             }
-            *out = nearest_rotations_inlined(&covariances);
-            change = change.max(largest_change(out, &rotations[block]));
+            *out = nearest_rotations_inlined(&covariances[block]);
+        }
+        reduction.limits.iter().for_each(|pair| pair.hold(covariances, rotations, turned));
+        change = 0.0;
+        for (now, before) in turned.iter().zip(&*rotations) {
+            change = change.max(largest_change(now, before));
         }
         std::mem::swap(rotations, turned);
         if change <= stop.tolerance {
@@ -223,7 +226,7 @@ fn steps(system: &System, state: &mut State, planar: bool, stop: ArapStop) -> (u
 
 /// `S = K̃ (Γ Rᵀ + base)` for eight clusters: the global step and the linear half of the local one at once.
 #[inline(always)]
-fn covariances(panel: &[[[f32; LANES]; 3]], still: &Matrices, rotations: &[Matrices]) -> Matrices {
+fn covariances_of(panel: &[[[f32; LANES]; 3]], still: &Matrices, rotations: &[Matrices]) -> Matrices {
     let mut sums = *still;
     let mut columns = panel.iter();
     'all: for block in rotations {

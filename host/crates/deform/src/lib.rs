@@ -7,6 +7,7 @@ mod arap_constraints;
 mod arap_dynamics;
 mod arap_energy;
 mod arap_reduction;
+mod arap_soft_joints;
 mod arap_solve;
 mod dense;
 mod dual_quaternion_skinning;
@@ -25,11 +26,12 @@ mod widest;
 
 pub use arap_dynamics::ArapDynamics;
 pub use arap_energy::ArapEnergy;
+pub use arap_soft_joints::{RotationLimit, SoftJoint};
 pub use dual_quaternion_skinning::DualQuaternionSkin;
 pub use linear_blend_skinning::{LinearBlendSkin, SkinError};
 pub use nearest_rotation::{LANES, Matrices, nearest_rotations};
 pub use reduced_arap::{
     Anchor, ArapError, ArapOutcome, ArapReport, ArapSettings, ArapShape, ArapStop, ArapWarnings, HandleConstraint,
-    ReducedArap, SharedJoint,
+    MOST_CLUSTERS, ReducedArap, SharedJoint,
 };
 pub use stretch_twist_skinning::{BoneBlend, BoneSegment, StretchTwist, StretchTwistSkin};

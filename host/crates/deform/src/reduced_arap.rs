@@ -10,6 +10,7 @@ use crate::arap_constraints::System;
 use crate::arap_dynamics::Motion;
 use crate::arap_energy::ArapEnergy;
 use crate::arap_reduction::{Reduction, reduce};
+use crate::arap_soft_joints::SoftJoint;
 use crate::nearest_rotation::{LANES, Matrices};
 
 /// A shape with its handles at rest.
@@ -40,10 +41,16 @@ pub struct SharedJoint {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArapSettings {
     /// How many rotations are told apart; `None` is two a handle, as the thesis found enough.
+    ///
+    /// More than the shape has edge sets (its elements, or its vertices for the spokes' energies) are as many. Memory
+    /// and the time of an iteration grow with the square: more than [`MOST_CLUSTERS`] are an error.
     pub clusters: Option<usize>,
     /// Start of the clustering's random numbers.
     pub seed: u64,
 }
+
+/// The most rotations a shape may tell apart: at this number its matrices take half a gigabyte.
+pub const MOST_CLUSTERS: usize = 2048;
 
 impl Default for ArapSettings {
     fn default() -> Self {
@@ -184,6 +191,21 @@ pub enum ArapError {
         /// Zero-based vertex.
         vertex: usize,
     },
+    /// A soft joint has a stiffness or strength below 0 or above 10,000, or a limit that does not hold the rest pose or
+    /// is no number.
+    #[error(
+        "soft joint {joint} cannot be used: stiffness and strength are from 0 to 10,000, a swing from 0 to π, twists from -π to 0 and from 0 to π"
+    )]
+    UnusableSoftJoint {
+        /// Zero-based soft joint.
+        joint: usize,
+    },
+    /// More rotations were to be told apart than memory is meant for.
+    #[error("{clusters} rotations were to be told apart, more than {MOST_CLUSTERS}; set `clusters` to fewer")]
+    TooManyClusters {
+        /// How many the settings and the shape come to.
+        clusters: usize,
+    },
     /// The progress callback asked to stop.
     #[error("cancelled")]
     Cancelled,
@@ -203,6 +225,8 @@ const LARGEST: f64 = 1e30;
 #[derive(Clone, Debug)]
 pub struct ReducedArap {
     pub(crate) reduction: Arc<Reduction>,
+    /// Without soft joints.
+    bare: Arc<Reduction>,
     pub(crate) system: Arc<System>,
     pub(crate) state: State,
     pub(crate) motion: Motion,
@@ -216,6 +240,8 @@ pub(crate) struct State {
     /// Transposed rotations of the clusters, eight a block, before and after a local step.
     pub(crate) rotations: Vec<Matrices>,
     pub(crate) turned: Vec<Matrices>,
+    /// What the rotations are fitted to.
+    pub(crate) covariances: Vec<Matrices>,
     /// The part of the covariances that stands still while the rotations are sought.
     pub(crate) still: Vec<Matrices>,
     /// 4m values for each axis of stacked transposed transformations, normalised.
@@ -246,27 +272,25 @@ impl ReducedArap {
         validate(shape)?;
         let reduction = Arc::new(reduce(shape, settings, progress)?);
         let rows = 4 * reduction.handle_count;
-        let blocks = reduction.cluster_count.div_ceil(LANES);
-        let mut identity = [[[0.0; LANES]; 3]; 3];
-        (0..3).for_each(|axis| identity[axis][axis] = [1.0; LANES]);
         let column = |length| [vec![0.0; length], vec![0.0; length], vec![0.0; length]];
-        let state = State {
-            rotations: vec![identity; blocks],
-            turned: vec![identity; blocks],
-            still: vec![identity; blocks],
+        let mut state = State {
+            rotations: Vec::new(),
+            turned: Vec::new(),
+            covariances: Vec::new(),
+            still: Vec::new(),
             transposed: column(rows),
             base: column(rows),
             right: column(0),
             force: column(rows),
             given: column(0),
-            wide: column(3 * reduction.cluster_count),
+            wide: column(0),
             handle_targets: vec![Affine3A::IDENTITY; reduction.handle_count],
             anchor_targets: Vec::new(),
             transforms: vec![Affine3A::IDENTITY; reduction.handle_count],
         };
-        let system = Arc::new(System::default());
-        let motion = Motion::new(rows);
-        let mut arap = Self { reduction, system, state, motion, anchors: Vec::new() };
+        state.make_room_for(reduction.cluster_count);
+        let (bare, system, motion) = (reduction.clone(), Arc::new(System::default()), Motion::new(rows));
+        let mut arap = Self { reduction, bare, system, state, motion, anchors: Vec::new() };
         arap.restart();
         let free = vec![HandleConstraint::Free; arap.handle_count()];
         arap.constrain(&free, &[])?;
@@ -293,6 +317,20 @@ impl ReducedArap {
         Ok(())
     }
 
+    /// Takes how the handles prefer to turn against each other, instead of what was given before; none at first. The
+    /// pose reached so far remains the start of the next solve. The energy in reports includes these terms.
+    pub fn soften(&mut self, joints: &[SoftJoint]) -> Result<(), ArapError> {
+        self.reduction =
+            if joints.is_empty() { self.bare.clone() } else { Arc::new(self.bare.with_soft_joints(joints)?) };
+        // What an earlier limit allowed may be beyond this one's.
+        self.state.make_room_for(self.bare.cluster_count);
+        self.state.make_room_for(self.reduction.cluster_count);
+        let system = System::new(&self.reduction, &self.system.constraints, &self.anchors, None)?;
+        self.system = Arc::new(system);
+        self.motion.forget_systems();
+        Ok(())
+    }
+
     /// Number of handles.
     pub fn handle_count(&self) -> usize {
         self.reduction.handle_count
@@ -300,7 +338,7 @@ impl ReducedArap {
 
     /// Number of rotations told apart: as asked for, or fewer where weights are alike.
     pub fn cluster_count(&self) -> usize {
-        self.reduction.cluster_count
+        self.bare.cluster_count
     }
 
     /// Elements without area or volume, which the energy leaves out.
@@ -324,13 +362,7 @@ impl ReducedArap {
         for (axis, column) in self.state.transposed.iter_mut().enumerate() {
             column.iter_mut().enumerate().for_each(|(row, entry)| *entry = f64::from(u8::from(row % 4 == axis)));
         }
-        for block in &mut self.state.rotations {
-            for row in 0..3 {
-                for column in 0..3 {
-                    block[row][column] = [if row == column { 1.0 } else { 0.0 }; LANES];
-                }
-            }
-        }
+        self.state.rotations.fill(IDENTITIES);
     }
 
     /// Finds the transformations for these targets, starting from the frame before.
@@ -349,6 +381,30 @@ impl ReducedArap {
         expect_length("anchor targets", anchor_targets.len(), self.state.anchor_targets.len())?;
         self.motion.stop();
         Ok(self.local_global(handle_targets, anchor_targets, stop))
+    }
+}
+
+const IDENTITIES: Matrices = {
+    const ZERO: [f32; LANES] = [0.0; LANES];
+    const ONE: [f32; LANES] = [1.0; LANES];
+    [[ONE, ZERO, ZERO], [ZERO, ONE, ZERO], [ZERO, ZERO, ONE]]
+};
+
+impl State {
+    /// Room for so many rotations; those that are new are the identity.
+    fn make_room_for(&mut self, clusters: usize) {
+        let blocks = clusters.div_ceil(LANES);
+        for matrices in [&mut self.rotations, &mut self.turned, &mut self.covariances, &mut self.still] {
+            matrices.resize(blocks, IDENTITIES);
+        }
+        for lane in clusters..blocks * LANES {
+            for (row, columns) in self.rotations[lane / LANES].iter_mut().enumerate() {
+                for (column, entry) in columns.iter_mut().enumerate() {
+                    entry[lane % LANES] = if row == column { 1.0 } else { 0.0 };
+                }
+            }
+        }
+        self.wide.iter_mut().for_each(|column| column.resize(3 * clusters, 0.0));
     }
 }
 

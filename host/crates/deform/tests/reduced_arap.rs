@@ -7,8 +7,8 @@ mod support;
 use std::ops::ControlFlow;
 
 use armature_deform::{
-    Anchor, ArapEnergy, ArapError, ArapOutcome, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
-    SharedJoint,
+    Anchor, ArapEnergy, ArapError, ArapOutcome, ArapSettings, ArapShape, ArapStop, HandleConstraint, MOST_CLUSTERS,
+    ReducedArap, SharedJoint,
 };
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3, Quat, Vec3};
 use support::{Dice, bar, boundary, hand, hand_weights, middle_of_handles, smooth_weights};
@@ -424,6 +424,12 @@ fn nonsense_is_named() {
         attempt(&ArapShape { energy: ArapEnergy::Spokes(&[]), ..bar.shape() }),
         ArapError::Empty { what: "elements" }
     );
+    // One rotation an element would take gigabytes: an error, and no attempt.
+    let many = bar.tetrahedra.repeat(20);
+    let all = ArapSettings { clusters: Some(usize::MAX), ..ArapSettings::default() };
+    let shape = ArapShape { energy: ArapEnergy::Tetrahedra(&many), ..bar.shape() };
+    let error = ReducedArap::precompute(&shape, &all, &mut |_| ControlFlow::Continue(())).unwrap_err();
+    assert!(many.len() > MOST_CLUSTERS && error == ArapError::TooManyClusters { clusters: many.len() }, "{error}");
     let joints = [SharedJoint { handles: [0, 5], point: [0.0; 3] }];
     let error = attempt(&ArapShape { joints: &joints, ..bar.shape() });
     assert_eq!(error, ArapError::HandleOutOfRange { joint: 0, handle: 5, handle_count: 5 });
