@@ -19,7 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("armature-device", &["firmware-protocol"]),
     ("armature-take", &["armature-formats", "armature-rig"]),
-    ("armature-render", &[]),
+    ("armature-render", &["armature-deform", "armature-geometry"]),
     // The library alone uses firmware-protocol; serving on a pty and playing motion files is its feature `serve`.
     ("armature-sim", &["armature-formats", "armature-rig", "firmware-protocol"]),
 ];

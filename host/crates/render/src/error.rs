@@ -21,8 +21,8 @@ pub enum RenderError {
         /// What wgpu says.
         detail: String,
     },
-    /// The device reported an error while drawing.
-    #[error("the graphics device failed while drawing: {detail}")]
+    /// The device reported an error.
+    #[error("the graphics device failed: {detail}")]
     Device {
         /// What wgpu says.
         detail: String,
@@ -73,6 +73,22 @@ pub enum RenderError {
         /// Longest side possible.
         limit: u32,
     },
+    /// A character cannot be skinned, or not in this pose.
+    #[error(transparent)]
+    Skin(#[from] armature_deform::SkinError),
+    /// More than the adapter's buffers hold.
+    #[error(
+        "{vertices} vertices in {poses} poses at once are more than this graphics adapter can skin; skin fewer poses at a time"
+    )]
+    TooMuchToSkin {
+        /// Vertices of the character.
+        vertices: usize,
+        /// Poses wanted.
+        poses: usize,
+    },
+    /// Poses of the other kind than the method was made for.
+    #[error("stretched and twisted bones need poses of their own, and frames are for the other methods")]
+    OtherPoses,
     /// The PNG encoder refused.
     #[error("the picture could not be written as PNG: {0}")]
     Png(#[from] image::ImageError),

@@ -1,14 +1,21 @@
-//! Drawing with wgpu: the adapter, the renderer, and pictures without a window.
+//! Drawing and skinning with wgpu: the adapter, the renderer, pictures without a window, and skinned poses.
 
 mod buffers;
 mod offscreen;
 mod pipelines;
 mod renderer;
+mod skin;
 
 pub use offscreen::render_to_image_gpu;
 pub use renderer::Renderer;
+pub use skin::{GpuSkin, RestShape, SkinMethod, SkinPoses, SkinnedPoses};
+
+use std::time::Duration;
 
 use crate::{RenderError, Samples};
+
+/// A software adapter under load may need a while for a large picture; a hung driver never answers.
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// An adapter, opened for drawing without a window.
 #[derive(Debug)]
@@ -47,6 +54,25 @@ impl Gpu {
     /// Whether the adapter computes on the CPU.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Does something with the device; what the device says against it is an error.
+    fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, RenderError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let done = work();
+        for scope in [validation, memory] {
+            if let Some(error) = pollster::block_on(scope.pop()) {
+                return Err(RenderError::Device { detail: error.to_string() });
+            }
+        }
+        Ok(done)
+    }
+
+    /// Waits until everything asked for is done.
+    pub fn wait(&self) -> Result<(), RenderError> {
+        let all = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
+        self.device.poll(all).map(|_| ()).map_err(|error| RenderError::Device { detail: error.to_string() })
     }
 
     /// The smoothest edges this adapter can draw.

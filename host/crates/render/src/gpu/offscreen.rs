@@ -1,7 +1,6 @@
 //! A picture without a window.
 
 use std::sync::mpsc;
-use std::time::Duration;
 
 use wgpu::{TextureFormat, TextureUsages};
 
@@ -9,9 +8,6 @@ use super::renderer::texture_2d;
 use super::{Gpu, Renderer};
 use crate::picture::check_size;
 use crate::{Camera, Picture, RenderError, Samples, Scene};
-
-/// A software adapter under load may need a while for a large picture; a hung driver never answers.
-const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Draws a picture on the graphics adapter.
 pub fn render_to_image_gpu(
@@ -22,16 +18,14 @@ pub fn render_to_image_gpu(
     samples: Samples,
 ) -> Result<Picture, RenderError> {
     check_size(size, gpu.device.limits().max_texture_dimension_2d)?;
-    let memory = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-    let validation = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
-    let drawn = draw(gpu, scene, camera, size, samples);
-    for scope in [validation, memory] {
-        if let Some(error) = pollster::block_on(scope.pop()) {
-            return Err(RenderError::Device { detail: error.to_string() });
+    let (buffer, row_bytes) = gpu.checked(|| draw(gpu, scene, camera, size, samples))??;
+    read_buffer(gpu, &buffer, |mapped| {
+        let mut rgba = Vec::with_capacity(size[0] as usize * size[1] as usize * 4);
+        for row in mapped.chunks_exact(row_bytes as usize) {
+            rgba.extend_from_slice(&row[..size[0] as usize * 4]);
         }
-    }
-    let (buffer, row_bytes) = drawn?;
-    read_back(gpu, &buffer, size, row_bytes)
+        Picture { width: size[0], height: size[1], rgba }
+    })
 }
 
 fn draw(
@@ -79,24 +73,23 @@ fn draw(
     Ok((buffer, row_bytes))
 }
 
-fn read_back(gpu: &Gpu, buffer: &wgpu::Buffer, size: [u32; 2], row_bytes: u32) -> Result<Picture, RenderError> {
+/// Waits for the content of a buffer.
+pub(super) fn read_buffer<T>(
+    gpu: &Gpu,
+    buffer: &wgpu::Buffer,
+    take: impl FnOnce(&[u8]) -> T,
+) -> Result<T, RenderError> {
     let failed = |detail: String| RenderError::Device { detail };
     let (sender, receiver) = mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, .., move |result| {
         // The receiver is gone only if this function has given up already.
         let _ = sender.send(result);
     });
-    gpu.device
-        .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) })
-        .map_err(|error| failed(error.to_string()))?;
+    gpu.wait()?;
     receiver
         .try_recv()
-        .map_err(|_| failed("the picture was never finished".into()))?
+        .map_err(|_| failed("what it computes was never finished".into()))?
         .map_err(|error| failed(error.to_string()))?;
     let mapped = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
-    let mut rgba = Vec::with_capacity(size[0] as usize * size[1] as usize * 4);
-    for row in mapped.chunks_exact(row_bytes as usize) {
-        rgba.extend_from_slice(&row[..size[0] as usize * 4]);
-    }
-    Ok(Picture { width: size[0], height: size[1], rgba })
+    Ok(take(&mapped))
 }
