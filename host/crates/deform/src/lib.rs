@@ -15,6 +15,7 @@ mod eight;
 mod in_chunks;
 mod linear_blend_skinning;
 mod nearest_rotation;
+mod pseudo_edges;
 mod reduced_arap;
 mod rotation_clusters;
 mod skin_blocks;
@@ -30,6 +31,7 @@ pub use arap_soft_joints::{RotationLimit, SoftJoint};
 pub use dual_quaternion_skinning::DualQuaternionSkin;
 pub use linear_blend_skinning::{LinearBlendSkin, SkinError};
 pub use nearest_rotation::{LANES, Matrices, nearest_rotations};
+pub use pseudo_edges::{PseudoEdgeError, PseudoEdgeSpace, PseudoEdges};
 pub use reduced_arap::{
     Anchor, ArapError, ArapOutcome, ArapReport, ArapSettings, ArapShape, ArapStop, ArapWarnings, HandleConstraint,
     MOST_CLUSTERS, ReducedArap, SharedJoint,

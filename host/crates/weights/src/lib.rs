@@ -28,6 +28,7 @@ mod projected_endpoint_weights;
 mod sampled_skeleton;
 mod shape_preservation;
 mod sparsify;
+mod spline_filter;
 mod weight_matrix;
 
 pub use additional_weights::{
@@ -52,4 +53,5 @@ pub use projected_endpoint_weights::{projected_endpoint_weight, projected_endpoi
 pub use sampled_skeleton::{EndpointError, SampledSkeleton};
 pub use shape_preservation::{BrushError, shape_preservation};
 pub use sparsify::{Sparsification, SparsifyError, sparsify};
+pub use spline_filter::{SplineFilter, SplineFilterError};
 pub use weight_matrix::WeightMatrix;
