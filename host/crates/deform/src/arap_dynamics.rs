@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Vec3};
 
 use crate::arap_constraints::{Resistance, System};
-use crate::reduced_arap::{Anchor, ArapError, ArapReport, ArapStop, ReducedArap, expect_length};
+use crate::reduced_arap::{Anchor, ArapError, ArapReport, ArapStop, ReducedArap};
 
 /// How a shape moves by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,8 +82,7 @@ impl ReducedArap {
         anchor_targets: &[Vec3],
         stop: ArapStop,
     ) -> Result<ArapReport, ArapError> {
-        expect_length("handle targets", handle_targets.len(), self.handle_count())?;
-        expect_length("anchor targets", anchor_targets.len(), self.state.anchor_targets.len())?;
+        self.expect_targets(handle_targets, anchor_targets)?;
         let usable = |value: f64| value.is_finite() && (0.0..=1e12).contains(&value);
         let numbers = [dynamics.stiffness, dynamics.damping, f64::from(dynamics.gravity.abs().max_element())];
         if let Some(index) = numbers.iter().position(|n| !usable(*n)) {

@@ -10,8 +10,7 @@ use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3};
 use crate::eight::Eight;
 use crate::linear_blend_skinning::{SkinError, check_rest, expect_length, widen};
 use crate::nearest_rotation::{LANES, Lane, nearest_rotations};
-use crate::skin_blocks::{Block, Layer, Pivots, SkinBlocks, load, made_unit, move_by_motion, turn, write};
-use crate::widest::{EightKernel, with_eight};
+use crate::skin_blocks::{Blend, Block, Layer, Pivots, SkinBlocks, made_unit, skin_blocks};
 
 /// Real part `[w, x, y, z]`, then the dual part.
 #[derive(Clone, Copy, Debug)]
@@ -79,19 +78,8 @@ impl DualQuaternionSkin {
         expect_length("posed bones", model_from_bone.len(), self.bone_count())?;
         self.blocks.check_room(positions, normals)?;
         self.set_pose(model_from_bone)?;
-        let skin = &*self;
-        let skin_chunk = |blocks: &[Block], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
-            with_eight(SkinChunk { skin, blocks, positions, normals });
-        };
-        self.blocks.in_chunks(positions, normals, skin_chunk);
+        skin_blocks(self, &self.blocks.blocks, positions, normals);
         Ok(())
-    }
-
-    /// What the pose does to each of a block's vertices.
-    #[inline(always)]
-    pub(crate) fn motion_of<E: Eight>(&self, block: &Block) -> [E; 8] {
-        let layers = block.layers();
-        blend(&self.blocks.layers[layers.clone()], &self.pivots.of_layers[layers], &self.signed)
     }
 
     pub(crate) fn set_pose(&mut self, model_from_bone: &[Affine3A]) -> Result<(), SkinError> {
@@ -137,24 +125,14 @@ fn along(a: &Lane, b: &Lane) -> f32 {
     a[0] * b[0] + a[1] * b[1] + (a[2] * b[2] + a[3] * b[3])
 }
 
-struct SkinChunk<'a> {
-    skin: &'a DualQuaternionSkin,
-    blocks: &'a [Block],
-    positions: &'a mut [[f32; 3]],
-    normals: &'a mut [[f32; 3]],
-}
-
-impl EightKernel for SkinChunk<'_> {
-    type Output = ();
+impl Blend for DualQuaternionSkin {
+    type Block = Block;
+    type Motion<E: Eight> = [E; 8];
 
     #[inline(always)]
-    fn run<E: Eight>(self) {
-        let outputs = self.positions.chunks_mut(LANES).zip(self.normals.chunks_mut(LANES));
-        for (block, (positions, normals)) in self.blocks.iter().zip(outputs) {
-            let motion = self.skin.motion_of::<E>(block);
-            write(move_by_motion(&motion, load(&block.position)), positions);
-            write(turn(&motion, load(&block.normal)), normals);
-        }
+    fn blend<E: Eight>(&self, block: &Block) -> [E; 8] {
+        let layers = block.layers();
+        blend_signed(&self.blocks.layers[layers.clone()], &self.pivots.of_layers[layers], &self.signed)
     }
 }
 
@@ -162,7 +140,7 @@ impl EightKernel for SkinChunk<'_> {
 ///
 /// No two terms point away from the first one, so that the sum is never shorter than the first weight.
 #[inline(always)]
-fn blend<E: Eight>(layers: &[Layer], pairs: &[[u32; LANES]], motions: &[DualQuaternion]) -> [E; 8] {
+fn blend_signed<E: Eight>(layers: &[Layer], pairs: &[[u32; LANES]], motions: &[DualQuaternion]) -> [E; 8] {
     let mut sums = [E::zero(); LANES];
     for (layer, pairs) in layers.iter().zip(pairs) {
         for lane in 0..LANES {

@@ -9,8 +9,7 @@ use glam::{Affine3A, DAffine3, DVec3};
 
 use crate::eight::Eight;
 use crate::nearest_rotation::{LANES, Lane};
-use crate::skin_blocks::{Block, Layer, Map, SkinBlocks, load, move_by_map, turn_by_map, write};
-use crate::widest::{EightKernel, with_eight};
+use crate::skin_blocks::{Blend, Block, Layer, Map, SkinBlocks, skin_blocks};
 
 /// One bone's `model_from_rest` as rows of `(x, y, z, translation)`: two that fill a register, and the third.
 #[derive(Clone, Copy, Debug)]
@@ -119,11 +118,7 @@ impl LinearBlendSkin {
         for (bone, frame) in model_from_bone.iter().enumerate() {
             self.set_bone(bone, frame)?;
         }
-        let skin = &*self;
-        let skin_chunk = |blocks: &[Block], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
-            with_eight(SkinChunk { skin, blocks, positions, normals });
-        };
-        self.blocks.in_chunks(positions, normals, skin_chunk);
+        skin_blocks(self, &self.blocks.blocks, positions, normals);
         Ok(())
     }
 
@@ -132,39 +127,22 @@ impl LinearBlendSkin {
         self.model_from_rest[bone] = rows_of(&moved).ok_or(SkinError::PoseNotFinite { bone })?;
         Ok(())
     }
-
-    /// What the pose does to each of a block's vertices.
-    #[inline(always)]
-    pub(crate) fn map_of<E: Eight>(&self, block: &Block) -> Map<E> {
-        blend(&self.blocks.layers[block.layers()], &self.model_from_rest)
-    }
 }
 
-struct SkinChunk<'a> {
-    skin: &'a LinearBlendSkin,
-    blocks: &'a [Block],
-    positions: &'a mut [[f32; 3]],
-    normals: &'a mut [[f32; 3]],
-}
-
-impl EightKernel for SkinChunk<'_> {
-    type Output = ();
+impl Blend for LinearBlendSkin {
+    type Block = Block;
+    type Motion<E: Eight> = Map<E>;
 
     #[inline(always)]
-    fn run<E: Eight>(self) {
-        let outputs = self.positions.chunks_mut(LANES).zip(self.normals.chunks_mut(LANES));
-        for (block, (positions, normals)) in self.blocks.iter().zip(outputs) {
-            let map = self.skin.map_of::<E>(block);
-            write(move_by_map(&map, load(&block.position)), positions);
-            write(turn_by_map(&map, load(&block.normal)), normals);
-        }
+    fn blend<E: Eight>(&self, block: &Block) -> Map<E> {
+        blend_rows(&self.blocks.layers[block.layers()], &self.model_from_rest)
     }
 }
 
 /// Each lane's matrices run along their rows, two rows in one register and the third beside that of the lane four
 /// further on; the sums are transposed.
 #[inline(always)]
-fn blend<E: Eight>(layers: &[Layer], bones: &[Rows]) -> Map<E> {
+fn blend_rows<E: Eight>(layers: &[Layer], bones: &[Rows]) -> Map<E> {
     let (mut upper, mut lower) = ([E::zero(); LANES], [E::zero(); 4]);
     for layer in layers {
         let rows = |lane: usize| &bones[usize::from(layer.bones[lane])];

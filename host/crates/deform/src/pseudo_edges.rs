@@ -198,7 +198,7 @@ mod tests {
                 let axis = from.cross(to).normalize();
                 let smallest = DQuat::from_axis_angle(axis, from.angle_between(to));
                 assert!((smallest * from.normalize()).distance(to.normalize()) < 1e-9);
-                sum = sum + smallest;
+                sum += smallest;
             }
             let expected = Affine3A::from_quat(sum.normalize().as_quat()).matrix3;
             assert!(transforms[handle].matrix3.abs_diff_eq(expected, 1e-5), "{handle}");

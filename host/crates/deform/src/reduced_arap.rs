@@ -377,10 +377,14 @@ impl ReducedArap {
         anchor_targets: &[Vec3],
         stop: ArapStop,
     ) -> Result<ArapReport, ArapError> {
-        expect_length("handle targets", handle_targets.len(), self.handle_count())?;
-        expect_length("anchor targets", anchor_targets.len(), self.state.anchor_targets.len())?;
+        self.expect_targets(handle_targets, anchor_targets)?;
         self.motion.stop();
         Ok(self.local_global(handle_targets, anchor_targets, stop))
+    }
+
+    pub(crate) fn expect_targets(&self, handles: &[Affine3A], anchors: &[Vec3]) -> Result<(), ArapError> {
+        expect_length("handle targets", handles.len(), self.handle_count())?;
+        expect_length("anchor targets", anchors.len(), self.state.anchor_targets.len())
     }
 }
 
@@ -408,7 +412,7 @@ impl State {
     }
 }
 
-pub(crate) fn expect_length(what: &'static str, got: usize, expected: usize) -> Result<(), ArapError> {
+fn expect_length(what: &'static str, got: usize, expected: usize) -> Result<(), ArapError> {
     if got == expected { Ok(()) } else { Err(ArapError::Length { what, got, expected }) }
 }
 

@@ -13,6 +13,7 @@ use crate::eight::Eight;
 use crate::in_chunks::in_chunks;
 use crate::linear_blend_skinning::{SkinError, expect_length, unit};
 use crate::nearest_rotation::{LANES, Lane};
+use crate::widest::{EightKernel, with_eight};
 
 /// A blended map whose cofactors, relative to its own largest entry, shrink a normal to less than this (squared)
 /// has flattened the surface there to a line or a point: about 16 units in the last place of `f32`.
@@ -99,15 +100,89 @@ impl SkinBlocks {
         expect_length("room for positions", positions.len(), self.vertex_count)?;
         expect_length("room for normals", normals.len(), self.vertex_count)
     }
+}
 
-    /// Calls `skin` on parts of the blocks and the room for their results; see [`in_chunks`].
-    pub(crate) fn in_chunks(
-        &self,
-        positions: &mut [[f32; 3]],
-        normals: &mut [[f32; 3]],
-        skin: impl Fn(&[Block], &mut [[f32; 3]], &mut [[f32; 3]]) + Sync,
-    ) {
-        in_chunks::<LANES, _>(&self.blocks, positions, normals, skin);
+/// A way to blend the motions of bones.
+pub(crate) trait Blend: Sync {
+    /// What is known of eight vertices.
+    type Block: AsRef<Block> + Sync;
+    /// What moves eight vertices.
+    type Motion<E: Eight>: MovesEight<E>;
+
+    /// What the pose does to each of a block's vertices.
+    fn blend<E: Eight>(&self, block: &Self::Block) -> Self::Motion<E>;
+}
+
+/// A motion of eight vertices, each its own.
+pub(crate) trait MovesEight<E: Eight> {
+    fn moved(&self, position: [E; 3]) -> [E; 3];
+    /// Of unit length, or zero where the normal is.
+    fn turned(&self, normal: [E; 3]) -> [E; 3];
+}
+
+impl<E: Eight> MovesEight<E> for Map<E> {
+    #[inline(always)]
+    fn moved(&self, position: [E; 3]) -> [E; 3] {
+        move_by_map(self, position)
+    }
+
+    #[inline(always)]
+    fn turned(&self, normal: [E; 3]) -> [E; 3] {
+        turn_by_map(self, normal)
+    }
+}
+
+/// Unit dual quaternions.
+impl<E: Eight> MovesEight<E> for [E; 8] {
+    #[inline(always)]
+    fn moved(&self, position: [E; 3]) -> [E; 3] {
+        move_by_motion(self, position)
+    }
+
+    #[inline(always)]
+    fn turned(&self, normal: [E; 3]) -> [E; 3] {
+        turn(self, normal)
+    }
+}
+
+impl AsRef<Block> for Block {
+    #[inline(always)]
+    fn as_ref(&self) -> &Block {
+        self
+    }
+}
+
+/// Writes the positions and normals of all blocks; see [`in_chunks`].
+pub(crate) fn skin_blocks<B: Blend>(
+    skin: &B,
+    blocks: &[B::Block],
+    positions: &mut [[f32; 3]],
+    normals: &mut [[f32; 3]],
+) {
+    in_chunks::<LANES, _>(blocks, positions, normals, |blocks, positions, normals| {
+        with_eight(SkinChunk { skin, blocks, positions, normals });
+    });
+}
+
+struct SkinChunk<'a, B: Blend> {
+    skin: &'a B,
+    blocks: &'a [B::Block],
+    positions: &'a mut [[f32; 3]],
+    normals: &'a mut [[f32; 3]],
+}
+
+impl<B: Blend> EightKernel for SkinChunk<'_, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<E: Eight>(self) {
+        let outputs = self.positions.chunks_mut(LANES).zip(self.normals.chunks_mut(LANES));
+        for (block, (positions, normals)) in self.blocks.iter().zip(outputs) {
+            let motion = self.skin.blend::<E>(block);
+            let rest = block.as_ref();
+            write(motion.moved(load(&rest.position)), positions);
+            write(motion.turned(load(&rest.normal)), normals);
+        }
     }
 }
 
@@ -142,7 +217,7 @@ impl Pivots {
 
 /// Writes eight points where there is room for eight; the last block may have less.
 #[inline(always)]
-pub(crate) fn write<E: Eight>(points: [E; 3], to: &mut [[f32; 3]]) {
+fn write<E: Eight>(points: [E; 3], to: &mut [[f32; 3]]) {
     if let Some(to) = to.first_chunk_mut() {
         E::interleave(points, to);
     } else {
@@ -153,12 +228,12 @@ pub(crate) fn write<E: Eight>(points: [E; 3], to: &mut [[f32; 3]]) {
 }
 
 #[inline(always)]
-pub(crate) fn load<E: Eight>(lanes: &[Lane; 3]) -> [E; 3] {
+fn load<E: Eight>(lanes: &[Lane; 3]) -> [E; 3] {
     [E::load(&lanes[0]), E::load(&lanes[1]), E::load(&lanes[2])]
 }
 
 #[inline(always)]
-pub(crate) fn move_by_map<E: Eight>(map: &Map<E>, p: [E; 3]) -> [E; 3] {
+fn move_by_map<E: Eight>(map: &Map<E>, p: [E; 3]) -> [E; 3] {
     [move_by_row(map[0], p), move_by_row(map[1], p), move_by_row(map[2], p)]
 }
 
@@ -171,7 +246,7 @@ fn move_by_row<E: Eight>(row: [E; 4], p: [E; 3]) -> E {
 /// Turns normals by a map's cofactors, that is, by its inverse transpose times its determinant, and makes them unit.
 /// Row i of the cofactor matrix is the cross product of the other two rows.
 #[inline(always)]
-pub(crate) fn turn_by_map<E: Eight>([a, b, c]: &Map<E>, n: [E; 3]) -> [E; 3] {
+fn turn_by_map<E: Eight>([a, b, c]: &Map<E>, n: [E; 3]) -> [E; 3] {
     let shrink = E::splat(1.0) / largest(*a).max(largest(*b)).max(largest(*c));
     let (a, b, c) = (scaled(*a, shrink), scaled(*b, shrink), scaled(*c, shrink));
     let (x, y, z) = (dot_cross(n, b, c), dot_cross(n, c, a), dot_cross(n, a, b));
@@ -206,7 +281,7 @@ fn dot_cross<E: Eight>(n: [E; 3], a: [E; 3], b: [E; 3]) -> E {
 
 /// `v + 2 q × (q × v + w v)` for unit quaternions `[w, x, y, z]`.
 #[inline(always)]
-pub(crate) fn turn<E: Eight>(motion: &[E; 8], v: [E; 3]) -> [E; 3] {
+fn turn<E: Eight>(motion: &[E; 8], v: [E; 3]) -> [E; 3] {
     let [w, x, y, z, ..] = *motion;
     let (x2, y2, z2) = (x + x, y + y, z + z);
     let (tx, ty, tz) = (y2 * v[2] - z2 * v[1], z2 * v[0] - x2 * v[2], x2 * v[1] - y2 * v[0]);
@@ -219,7 +294,7 @@ pub(crate) fn turn<E: Eight>(motion: &[E; 8], v: [E; 3]) -> [E; 3] {
 
 /// Turned by a unit dual quaternion, real part first, then shifted by `2 (w d − d_w q + q × d)`.
 #[inline(always)]
-pub(crate) fn move_by_motion<E: Eight>(motion: &[E; 8], p: [E; 3]) -> [E; 3] {
+fn move_by_motion<E: Eight>(motion: &[E; 8], p: [E; 3]) -> [E; 3] {
     let [w, x, y, z, dw, dx, dy, dz] = *motion;
     let turned = turn(motion, p);
     let (w, x, y, z) = (w + w, x + x, y + y, z + z);

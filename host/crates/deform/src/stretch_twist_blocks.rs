@@ -62,6 +62,13 @@ pub(crate) enum Way {
     Mixed,
 }
 
+impl AsRef<Block> for TwistBlock {
+    #[inline(always)]
+    fn as_ref(&self) -> &Block {
+        &self.block
+    }
+}
+
 impl TwistBlocks {
     pub(crate) fn new(blocks: &SkinBlocks, influences: &Influences, end_weights: &[f32]) -> Self {
         let clamped: Vec<f32> = end_weights.iter().map(|e| e.clamp(0.0, 1.0)).collect();

@@ -10,10 +10,9 @@ use crate::dual_quaternion_skinning::DualQuaternionSkin;
 use crate::eight::Eight;
 use crate::linear_blend_skinning::SkinError;
 use crate::nearest_rotation::{LANES, Lane};
-use crate::skin_blocks::{Block, Layer, SkinBlocks, load, made_unit, move_by_motion, turn, write};
+use crate::skin_blocks::{Blend, Block, Layer, SkinBlocks, made_unit};
 use crate::stretch_twist_blocks::{OneBone, TwistBlock, TwistBlocks, Way};
-use crate::stretch_twist_skinning::{Chunk, Posed, half_twist, half_twist_of};
-use crate::widest::EightKernel;
+use crate::stretch_twist_skinning::{Posed, half_twist, half_twist_of};
 
 #[derive(Clone, Debug)]
 pub(crate) struct TwistDual {
@@ -58,11 +57,6 @@ impl TwistDual {
         }
         self.base.set_pose(frames)
     }
-
-    pub(crate) fn on<'a>(&'a self, chunk: Chunk<'a>) -> SkinChunk<'a> {
-        let Chunk { twist, half_twists, blocks, positions, normals } = chunk;
-        SkinChunk { skin: self, twist, half_twists, blocks, positions, normals }
-    }
 }
 
 impl Motion {
@@ -85,43 +79,28 @@ impl Motion {
 /// Layers whose factors are computed before any of them is added up, as many as most vertices have.
 const LAYERS: usize = 4;
 
-pub(crate) struct SkinChunk<'a> {
-    skin: &'a TwistDual,
-    twist: &'a TwistBlocks,
-    half_twists: &'a [[f32; 2]],
-    blocks: &'a [TwistBlock],
-    positions: &'a mut [[f32; 3]],
-    normals: &'a mut [[f32; 3]],
+/// A pose to blend.
+pub(crate) struct OverDual<'a> {
+    pub(crate) skin: &'a TwistDual,
+    pub(crate) twist: &'a TwistBlocks,
+    pub(crate) half_twists: &'a [[f32; 2]],
 }
 
-impl EightKernel for SkinChunk<'_> {
-    type Output = ();
+impl Blend for OverDual<'_> {
+    type Block = TwistBlock;
+    type Motion<E: Eight> = [E; 8];
 
     #[inline(always)]
-    fn run<E: Eight>(self) {
-        let Self { skin, twist, half_twists, blocks, positions, normals } = self;
-        let parts = Parts { skin, twist, half_twists };
-        let outputs = positions.chunks_mut(LANES).zip(normals.chunks_mut(LANES));
-        for (block, (positions, normals)) in blocks.iter().zip(outputs) {
-            let motion = match twist.way(block) {
-                Way::Plain => skin.base.motion_of::<E>(&block.block),
-                Way::ByBone(range) => parts.blend_by_bone::<E>(&twist.by_bone[range], block),
-                Way::Mixed => parts.blend::<E>(&block.block),
-            };
-            write(move_by_motion(&motion, load(&block.block.position)), positions);
-            write(turn(&motion, load(&block.block.normal)), normals);
+    fn blend<E: Eight>(&self, block: &TwistBlock) -> [E; 8] {
+        match self.twist.way(block) {
+            Way::Plain => self.skin.base.blend::<E>(&block.block),
+            Way::ByBone(range) => self.blend_by_bone::<E>(&self.twist.by_bone[range], block),
+            Way::Mixed => self.blend_mixed::<E>(&block.block),
         }
     }
 }
 
-/// What blending reads.
-struct Parts<'a> {
-    skin: &'a TwistDual,
-    twist: &'a TwistBlocks,
-    half_twists: &'a [[f32; 2]],
-}
-
-impl Parts<'_> {
+impl OverDual<'_> {
     /// Eight vertices follow one bone after the other. The weighted sum of dual quaternions, each on the side of the
     /// vertex's heaviest bone, made unit.
     #[inline(always)]
@@ -172,7 +151,7 @@ impl Parts<'_> {
 
     /// The same for eight vertices that follow different bones, influence by influence.
     #[inline(always)]
-    fn blend<E: Eight>(&self, block: &Block) -> [E; 8] {
+    fn blend_mixed<E: Eight>(&self, block: &Block) -> [E; 8] {
         let range = block.layers();
         let (layers, rest) = self.skin.base.blocks.layers[range.clone()].as_chunks();
         let (ends, rest_ends) = self.twist.ends[range.clone()].as_chunks();

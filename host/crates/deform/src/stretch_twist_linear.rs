@@ -9,10 +9,9 @@ use glam::{Affine3A, DMat3, DVec3};
 use crate::eight::Eight;
 use crate::linear_blend_skinning::{LinearBlendSkin, SkinError};
 use crate::nearest_rotation::{LANES, Lane};
-use crate::skin_blocks::{Layer, Map, SkinBlocks, load, move_by_map, turn_by_map, write};
-use crate::stretch_twist_blocks::{OneBone, Way};
-use crate::stretch_twist_skinning::{Chunk, Posed, half_twist, half_twist_of};
-use crate::widest::EightKernel;
+use crate::skin_blocks::{Blend, Layer, Map, SkinBlocks};
+use crate::stretch_twist_blocks::{OneBone, TwistBlock, TwistBlocks, Way};
+use crate::stretch_twist_skinning::{Posed, half_twist, half_twist_of};
 
 #[derive(Clone, Debug)]
 pub(crate) struct TwistLinear {
@@ -51,10 +50,6 @@ impl TwistLinear {
     pub(crate) fn set_base(&mut self, frames: &[Affine3A]) -> Result<(), SkinError> {
         frames.iter().enumerate().try_for_each(|(bone, frame)| self.base.set_bone(bone, frame))
     }
-
-    pub(crate) fn on<'a>(&'a self, chunk: Chunk<'a>) -> SkinChunk<'a> {
-        SkinChunk { skin: self, chunk }
-    }
 }
 
 impl Turned {
@@ -81,30 +76,28 @@ impl Turned {
 /// Layers whose factors are computed before any of them is added up, as many as most vertices have.
 const LAYERS: usize = 4;
 
-pub(crate) struct SkinChunk<'a> {
-    skin: &'a TwistLinear,
-    chunk: Chunk<'a>,
+/// A pose to blend.
+pub(crate) struct OverLinear<'a> {
+    pub(crate) skin: &'a TwistLinear,
+    pub(crate) twist: &'a TwistBlocks,
+    pub(crate) half_twists: &'a [[f32; 2]],
 }
 
-impl EightKernel for SkinChunk<'_> {
-    type Output = ();
+impl Blend for OverLinear<'_> {
+    type Block = TwistBlock;
+    type Motion<E: Eight> = Map<E>;
 
     #[inline(always)]
-    fn run<E: Eight>(self) {
-        let Self { skin, chunk: Chunk { twist, half_twists, blocks, positions, normals } } = self;
-        let outputs = positions.chunks_mut(LANES).zip(normals.chunks_mut(LANES));
-        for (of_twist, (positions, normals)) in blocks.iter().zip(outputs) {
-            let block = &of_twist.block;
-            let map = match twist.way(of_twist) {
-                Way::Plain => skin.base.map_of::<E>(block),
-                Way::ByBone(range) => blend_by_bone::<E>(&twist.by_bone[range], half_twists, &skin.bones),
-                Way::Mixed => {
-                    let layers = &skin.base.blocks.layers[block.layers()];
-                    blend_maps::<E>(layers, &twist.ends[block.layers()], half_twists, &skin.bones)
-                }
-            };
-            write(move_by_map(&map, load(&block.position)), positions);
-            write(turn_by_map(&map, load(&block.normal)), normals);
+    fn blend<E: Eight>(&self, of_twist: &TwistBlock) -> Map<E> {
+        let Self { skin, twist, half_twists } = self;
+        let block = &of_twist.block;
+        match twist.way(of_twist) {
+            Way::Plain => skin.base.blend::<E>(block),
+            Way::ByBone(range) => blend_by_bone::<E>(&twist.by_bone[range], half_twists, &skin.bones),
+            Way::Mixed => {
+                let layers = &skin.base.blocks.layers[block.layers()];
+                blend_maps::<E>(layers, &twist.ends[block.layers()], half_twists, &skin.bones)
+            }
         }
     }
 }

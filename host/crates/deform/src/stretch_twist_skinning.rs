@@ -9,14 +9,11 @@ use glam::{Affine3A, DQuat, DVec3, Quat, Vec3};
 
 use crate::dual_quaternion_skinning::DualQuaternionSkin;
 use crate::eight::Eight;
-use crate::in_chunks::in_chunks;
 use crate::linear_blend_skinning::{LinearBlendSkin, SkinError, expect_length};
-use crate::nearest_rotation::LANES;
-use crate::skin_blocks::{Layer, SkinBlocks};
-use crate::stretch_twist_blocks::{TwistBlock, TwistBlocks};
-use crate::stretch_twist_dual::TwistDual;
-use crate::stretch_twist_linear::TwistLinear;
-use crate::widest::with_eight;
+use crate::skin_blocks::{Layer, SkinBlocks, skin_blocks};
+use crate::stretch_twist_blocks::TwistBlocks;
+use crate::stretch_twist_dual::{OverDual, TwistDual};
+use crate::stretch_twist_linear::{OverLinear, TwistLinear};
 
 /// How the bones' motions are blended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,14 +140,14 @@ impl StretchTwistSkin {
         }
         self.blocks.set_plain(|bone| self.plain[usize::from(bone)]);
         let (twist, half_twists) = (&self.blocks, self.half_twists.as_slice());
-        let skin_chunk = |blocks: &[TwistBlock], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]| {
-            let chunk = Chunk { twist, half_twists, blocks, positions, normals };
-            match &self.bones {
-                Bones::Linear(bones) => with_eight(bones.on(chunk)),
-                Bones::Dual(bones) => with_eight(bones.on(chunk)),
+        match &self.bones {
+            Bones::Linear(skin) => {
+                skin_blocks(&OverLinear { skin, twist, half_twists }, &twist.blocks, positions, normals);
             }
-        };
-        in_chunks::<LANES, _>(&twist.blocks, positions, normals, skin_chunk);
+            Bones::Dual(skin) => {
+                skin_blocks(&OverDual { skin, twist, half_twists }, &twist.blocks, positions, normals);
+            }
+        }
         Ok(())
     }
 }
@@ -162,15 +159,6 @@ impl Bones {
             Self::Dual(bones) => bones.blocks(),
         }
     }
-}
-
-/// Part of the vertices, and what both methods know of them.
-pub(crate) struct Chunk<'a> {
-    pub(crate) twist: &'a TwistBlocks,
-    pub(crate) half_twists: &'a [[f32; 2]],
-    pub(crate) blocks: &'a [TwistBlock],
-    pub(crate) positions: &'a mut [[f32; 3]],
-    pub(crate) normals: &'a mut [[f32; 3]],
 }
 
 /// A bone's pose in `f64`.

@@ -1,5 +1,6 @@
 use super::*;
-use crate::widest::EightKernel;
+use crate::nearest_rotation::LANES;
+use crate::widest::{EightKernel, with_eight};
 use crate::{DualQuaternionSkin, LinearBlendSkin};
 
 /// Numbers in [-1, 1), the same in every run.
