@@ -46,7 +46,7 @@ const SOLVE_RUNS: usize = 101;
 const SWITCH_RUNS: usize = 41;
 /// Of the thesis, for every frame.
 const ITERATIONS: usize = 15;
-const CROWD: usize = 100;
+pub(super) const CROWD: usize = 100;
 
 /// A row of thesis table 7.1: the time of an iteration does not depend on the model, only on how many handles and
 /// rotation clusters it has. The last two are what the thesis measured on a Core i7-2860QM at 2.5 GHz.
@@ -82,27 +82,51 @@ pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     Ok(out)
 }
 
-fn defect(what: String) -> Failure {
+pub(super) fn defect(what: String) -> Failure {
     Failure::not_converged(what, "this is a defect; please report it")
 }
 
 /// n×3.
 type Vectors = [[f32; 3]];
 
-/// Four influences a vertex, every bone turned, stretched and twisted.
+/// As large as the armadillo, with four influences a vertex.
+pub(super) struct Shape {
+    pub(super) positions: Vec<[f32; 3]>,
+    pub(super) influences: Influences,
+    pub(super) rest: Vec<Affine3A>,
+    /// Every bone turned.
+    pub(super) pose: Vec<Affine3A>,
+}
+
+fn bone_start(bone: usize) -> Vec3 {
+    Vec3::Y * (bone as f32 * 0.1)
+}
+
+fn bone_turn(bone: usize) -> Quat {
+    Quat::from_rotation_x(bone as f32 * 0.05)
+}
+
+impl Shape {
+    pub(super) fn new() -> Result<Self, Failure> {
+        let bones: Vec<u16> = (0..VERTICES * 4).map(|i| ((i / 4 * BONES / VERTICES + i % 4) % BONES) as u16).collect();
+        let weights: Vec<f32> = (0..VERTICES * 4).map(|i| [0.4, 0.3, 0.2, 0.1][i % 4]).collect();
+        Ok(Self {
+            positions: (0..VERTICES).map(|i| spiral(i as f32)).collect(),
+            influences: Influences::new(4, bones, weights, BONES).map_err(|e| defect(e.to_string()))?,
+            rest: (0..BONES).map(|b| Affine3A::from_translation(bone_start(b))).collect(),
+            pose: (0..BONES).map(|b| Affine3A::from_rotation_translation(bone_turn(b), bone_start(b))).collect(),
+        })
+    }
+}
+
+/// Every bone turned, stretched and twisted.
 fn skins() -> Result<Vec<Measurement>, Failure> {
-    let positions: Vec<[f32; 3]> = (0..VERTICES).map(|i| spiral(i as f32)).collect();
-    let bones: Vec<u16> = (0..VERTICES * 4).map(|i| ((i / 4 * BONES / VERTICES + i % 4) % BONES) as u16).collect();
-    let weights: Vec<f32> = (0..VERTICES * 4).map(|i| [0.4, 0.3, 0.2, 0.1][i % 4]).collect();
-    let influences = Influences::new(4, bones, weights, BONES).map_err(|e| defect(e.to_string()))?;
+    let Shape { positions, influences, rest, pose } = Shape::new()?;
     let ends: Vec<f32> = (0..VERTICES * 4).map(|i| (i % 97) as f32 / 96.0).collect();
-    let start = |b: usize| Vec3::Y * (b as f32 * 0.1);
-    let turn = |b: usize| Quat::from_rotation_x(b as f32 * 0.05);
-    let segments: Vec<BoneSegment> = (0..BONES).map(|b| BoneSegment { start: start(b), end: start(b + 1) }).collect();
-    let rest: Vec<Affine3A> = (0..BONES).map(|b| Affine3A::from_translation(start(b))).collect();
-    let pose: Vec<Affine3A> = (0..BONES).map(|b| Affine3A::from_rotation_translation(turn(b), start(b))).collect();
+    let segment = |b: usize| BoneSegment { start: bone_start(b), end: bone_start(b + 1) };
+    let segments: Vec<BoneSegment> = (0..BONES).map(segment).collect();
     let twisted: Vec<StretchTwist> = (0..BONES)
-        .map(|b| StretchTwist { start: start(b), turn: turn(b), stretch: 1.1, twist: [0.1, 0.1 * b as f32] })
+        .map(|b| StretchTwist { start: bone_start(b), turn: bone_turn(b), stretch: 1.1, twist: [0.1, 0.1 * b as f32] })
         .collect();
     let failed = |e: SkinError| defect(e.to_string());
     let mut linear = LinearBlendSkin::precompute(&positions, &positions, &influences, &rest).map_err(failed)?;

@@ -11,6 +11,7 @@ use crate::failure::Failure;
 mod bind;
 mod deform;
 mod device;
+mod gpu_skinning;
 mod heat;
 mod pose;
 mod protocol;
@@ -106,6 +107,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: protocol::NAMES, run: protocol::run },
     Benchmark { names: pose::NAMES, run: pose::run },
     Benchmark { names: deform::NAMES, run: deform::run },
+    Benchmark { names: gpu_skinning::NAMES, run: gpu_skinning::run },
     Benchmark { names: heat::NAMES, run: heat::run },
     Benchmark { names: winding::NAMES, run: winding::run },
     Benchmark { names: volume::NAMES, run: volume::run },
