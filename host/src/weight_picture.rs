@@ -129,8 +129,8 @@ fn blended(weights: &WeightMatrix) -> Vec<[f32; 3]> {
     let mut colors = vec![[0.0_f64; 3]; weights.vertices()];
     for handle in 0..weights.bones() {
         let own = handle_color(handle);
-        for (color, weight) in colors.iter_mut().zip(weights.bone(handle)) {
-            (0..3).for_each(|k| color[k] += weight * own[k]);
+        for (vertex, weight) in weights.column(handle) {
+            (0..3).for_each(|k| colors[vertex][k] += weight * own[k]);
         }
     }
     colors.iter().map(|color| color.map(|c| c.clamp(0.0, 1.0) as f32)).collect()
@@ -227,7 +227,7 @@ mod tests {
                 assert!(apart > 0.03, "{first} and {second} look alike");
             }
         }
-        let weights = WeightMatrix::from_columns(2, 2, vec![1.0, 0.5, 0.0, 0.5]).unwrap();
+        let weights = WeightMatrix::from_columns(2, 2, &[1.0, 0.5, 0.0, 0.5]).unwrap();
         let colors = blended(&weights);
         for k in 0..3 {
             assert!((f64::from(colors[0][k]) - handle_color(0)[k]).abs() < 1e-6);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use super::peak_memory::peak_of;
 use super::{Measurement, median, python_peer, shared_file};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
@@ -95,13 +96,6 @@ fn bind(mesh: &PathBuf, skeleton: &PathBuf, folder: &Path, more: &[&str]) -> Res
         return Err(Failure::not_converged(format!("binding {} ended with {status}", mesh.display()), ""));
     }
     Ok((seconds, peak))
-}
-
-/// The most memory that a running process has held, in megabytes. Only Linux tells.
-fn peak_of(process: u32) -> Option<f64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(line.trim().strip_suffix(" kB")?.trim().parse::<f64>().ok()? / 1000.0)
 }
 
 fn trouble(error: &std::io::Error) -> Failure {

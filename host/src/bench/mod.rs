@@ -13,12 +13,14 @@ mod deform;
 mod device;
 mod gpu_skinning;
 mod heat;
+mod peak_memory;
 mod pose;
 mod protocol;
 mod stream;
 mod volume;
 mod volume_growth;
 mod weight_convergence;
+mod weight_growth;
 mod weights;
 mod winding;
 
@@ -115,6 +117,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: weights::NAMES, run: weights::run },
     Benchmark { names: bind::NAMES, run: bind::run },
     Benchmark { names: weight_convergence::NAMES, run: weight_convergence::run },
+    Benchmark { names: weight_growth::NAMES, run: weight_growth::run },
     Benchmark { names: stream::NAMES, run: stream::run },
     Benchmark { names: device::NAMES, run: device::run },
 ];

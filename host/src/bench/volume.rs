@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use armature_geometry::{Resolution, TriangleMesh, Volume, VolumeSettings};
 
+use super::peak_memory::{peak, reset_peak};
 use super::{Measurement, python_peer, shared_file};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
@@ -125,17 +126,4 @@ fn inverted(volume: &Volume) -> usize {
         (b - a).dot((c - a).cross(d - a))
     };
     volume.mesh.tetrahedra.iter().filter(|t| six(t) <= 0.0 || six(t).is_nan()).count()
-}
-
-/// Forgets the most memory that was held until now. Only Linux can.
-fn reset_peak() {
-    // Where it cannot be written the peak is that of the whole process, which is no less.
-    let _ = std::fs::write("/proc/self/clear_refs", "5");
-}
-
-/// The most memory held since, in megabytes; `None` where the system does not tell.
-fn peak() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(line.trim().strip_suffix(" kB")?.trim().parse::<f64>().ok()? / 1000.0)
 }

@@ -55,7 +55,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
 }
 
 /// Of which power of the size the time is: the slope of the line through the logarithms.
-fn exponent(points: &[(f64, f64)]) -> f64 {
+pub(super) fn exponent(points: &[(f64, f64)]) -> f64 {
     let logs: Vec<(f64, f64)> = points.iter().map(|(n, s)| (n.ln(), s.ln())).collect();
     let count = logs.len() as f64;
     let (mx, my) = (logs.iter().map(|p| p.0).sum::<f64>() / count, logs.iter().map(|p| p.1).sum::<f64>() / count);

@@ -126,21 +126,21 @@ fn on_surface(volume: &Volume, path: &Path) -> Result<WeightMatrix, Failure> {
     }
     normalise(&mut solved.weights);
     let (at, of) = (&volume.surface, &solved.weights);
-    let mut values = Vec::with_capacity(at.tetrahedra.len() * of.bones());
-    for bone in 0..of.bones() {
+    let columns = (0..of.bones()).map(|bone| {
         let column = of.bone(bone);
-        let inside = at.tetrahedra.iter().zip(&at.barycentric).map(|(&t, b)| {
+        let inside = at.tetrahedra.iter().zip(&at.barycentric).map(move |(&t, b)| {
             let corners = volume.mesh.tetrahedra[t as usize];
             (0..4).map(|k| b[k] * column[corners[k] as usize]).sum::<f64>()
         });
-        values.extend(inside);
-    }
-    WeightMatrix::from_columns(at.tetrahedra.len(), of.bones(), values).ok_or_else(|| failed("too many weights".into()))
+        inside.enumerate()
+    });
+    WeightMatrix::from_sparse_columns(at.tetrahedra.len(), columns).ok_or_else(|| failed("too many weights".into()))
 }
 
 /// Mean and largest difference where either weight counts.
 fn difference(a: &WeightMatrix, b: &WeightMatrix) -> (f64, f64) {
-    let pairs = || a.values().iter().zip(b.values()).filter(|(a, b)| **a > COUNTS || **b > COUNTS);
+    let of_bone = |bone: usize| a.bone(bone).into_iter().zip(b.bone(bone));
+    let pairs = || (0..a.bones()).flat_map(of_bone).filter(|(a, b)| *a > COUNTS || *b > COUNTS);
     let (sum, most) =
         pairs().fold((0.0, 0.0_f64), |(sum, most), (a, b)| (sum + (a - b).abs(), most.max((a - b).abs())));
     (sum / pairs().count().max(1) as f64, most)
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn differences_count_where_a_weight_does() {
-        let matrix = |values: [f64; 4]| WeightMatrix::from_columns(2, 2, values.to_vec()).unwrap();
+        let matrix = |values: [f64; 4]| WeightMatrix::from_columns(2, 2, &values.to_vec()).unwrap();
         let (mean, most) = difference(&matrix([0.5, 0.001, 0.2, 0.0]), &matrix([0.4, 0.002, 0.0, 0.0]));
         assert!((mean - 0.15).abs() < 1e-12 && (most - 0.2).abs() < 1e-12, "{mean} {most}");
     }

@@ -110,8 +110,8 @@ fn timed(
 }
 
 fn largest_difference(made: &HandleWeights, expected: &NumberTable) -> f64 {
-    if made.weights.values().len() != expected.values.len() {
+    let Some(made) = made.weights.to_columns().filter(|made| made.len() == expected.values.len()) else {
         return f64::INFINITY;
-    }
-    made.weights.values().iter().zip(&expected.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    made.iter().zip(&expected.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }

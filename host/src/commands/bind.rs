@@ -117,6 +117,6 @@ fn dense(character: &Character) -> Result<WeightMatrix, Failure> {
             values[usize::from(bone) * vertices + vertex] += f64::from(weight);
         }
     }
-    WeightMatrix::from_columns(vertices, bones, values)
+    WeightMatrix::from_columns(vertices, bones, &values)
         .ok_or_else(|| Failure::not_converged("the weights make no matrix", "this is a defect; please report it"))
 }

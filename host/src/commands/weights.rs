@@ -30,7 +30,13 @@ pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
     let made = compute(args, &model, &held, &mut bar.stages())?;
     bar.finish();
     let weights = made.weights();
-    let values = weights.values().to_vec();
+    let values = weights.to_columns().ok_or_else(|| {
+        let (vertices, handles) = (weights.vertices(), weights.bones());
+        Failure::input(
+            format!("there is not enough memory for a table of {vertices} vertices by {handles} handles"),
+            "give fewer handles, or bind the mesh, which keeps only the heaviest",
+        )
+    })?;
     files::write(&args.output, &write(&NumberTable { rows: weights.vertices(), columns: weights.bones(), values }))?;
     let seconds = start.elapsed().as_secs_f64();
     match &made {

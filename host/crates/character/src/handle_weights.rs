@@ -271,11 +271,11 @@ fn whole(
     if columns.len() == handles {
         return Ok(carried);
     }
-    let mut values = vec![0.0; n.checked_mul(handles).ok_or(out_of_memory.clone())?];
-    for (k, &column) in columns.iter().enumerate() {
-        values[column * n..(column + 1) * n].copy_from_slice(carried.bone(k));
-    }
-    WeightMatrix::from_columns(n, handles, values).ok_or(out_of_memory)
+    let column = |handle: usize| {
+        let solved = columns.binary_search(&handle).ok();
+        solved.into_iter().flat_map(|column| carried.column(column))
+    };
+    WeightMatrix::from_sparse_columns(n, (0..handles).map(column)).ok_or(out_of_memory)
 }
 
 impl From<MeshError> for MakeError {

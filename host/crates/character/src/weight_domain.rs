@@ -272,8 +272,8 @@ impl WeightDomain {
                 }
             }
         };
-        let columns: Vec<Vec<f64>> = (0..weights.bones()).map(of_handle).collect();
-        WeightMatrix::from_columns(self.surface_vertices(), weights.bones(), columns.concat())
+        let columns = (0..weights.bones()).map(|handle| of_handle(handle).into_iter().enumerate());
+        WeightMatrix::from_sparse_columns(self.surface_vertices(), columns)
     }
 
     /// How many vertices the surface has.

@@ -41,7 +41,7 @@ impl Drawbacks {
         unreached: &[Vec<usize>],
         followed: &[usize],
     ) -> Self {
-        let idle = |handle: &usize| weights.bone(*handle).iter().all(|&weight| weight <= DUST);
+        let idle = |handle: &usize| weights.column(*handle).all(|(_, weight)| weight <= DUST);
         let late = reports.iter().flatten().filter(|report| report.outcome != BiharmonicOutcome::Converged);
         let of_pieces = unreached.iter().zip(followed);
         // Points in no element are no pieces of the shape.

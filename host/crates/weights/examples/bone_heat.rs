@@ -38,7 +38,8 @@ fn main() {
             println!("residual {:.1e}, deviation {:.1e}", heat.residual, heat.deviation);
             println!("{:?}", heat.report);
             if let Some(out) = rest.first() {
-                let bytes: Vec<u8> = heat.weights.values().iter().flat_map(|v| v.to_le_bytes()).collect();
+                let bytes: Vec<u8> =
+                    heat.weights.to_columns().expect("memory").iter().flat_map(|v| v.to_le_bytes()).collect();
                 std::fs::write(out, bytes).expect("the output file can be written");
             }
         }

@@ -51,7 +51,8 @@ fn main() {
             println!("active sets {}", result.reports.iter().map(|report| report.active_sets).sum::<usize>());
             if let Some(reference) = rest.get(1) {
                 let reference = support::read_npy(Path::new(reference)).values;
-                let difference = result.weights.values().iter().zip(&reference).map(|(a, b)| (a - b).abs());
+                let weights = result.weights.to_columns().expect("memory");
+                let difference = weights.iter().zip(&reference).map(|(a, b)| (a - b).abs());
                 println!("largest difference {:.1e}", difference.fold(0.0, f64::max));
             }
         }

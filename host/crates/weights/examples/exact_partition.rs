@@ -47,7 +47,8 @@ fn main() {
     println!("energy alone {:.6}", alone.reports.iter().map(|report| report.energy).sum::<f64>());
     let mut normalised = alone.weights;
     println!("normalising: {:?}", normalise(&mut normalised).largest_deviation);
-    let differences = || normalised.values().iter().zip(exact.weights.values()).map(|(a, b)| (a - b).abs());
-    let mean = differences().sum::<f64>() / normalised.values().len() as f64;
+    let (normalised, exact) = (normalised.to_columns().expect("memory"), exact.weights.to_columns().expect("memory"));
+    let differences = || normalised.iter().zip(&exact).map(|(a, b)| (a - b).abs());
+    let mean = differences().sum::<f64>() / normalised.len() as f64;
     println!("exact to normalised: mean {mean:.2e}, largest {:.2e}", differences().fold(0.0, f64::max));
 }

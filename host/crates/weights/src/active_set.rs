@@ -6,11 +6,12 @@
 //! sides with every step. So unknowns are held where they violate a bound most among their neighbours, and let go
 //! where that can lower the energy by more than a share of what is still to be gained.
 
-use crate::CholeskyError;
 use crate::alternating_directions::Held;
-use crate::biharmonic_energy::BiharmonicEnergy;
+use crate::biharmonic_energy::{BiharmonicEnergy, Symmetric};
 use crate::free_descent::FreeDescent;
 use crate::inverse_diagonal::inverse_diagonal;
+use crate::neighbourhood::Neighbourhood;
+use crate::{CholeskyError, SparseCholesky};
 
 /// An unknown beyond a bound is held there if it violates it by this fraction of the worst among its neighbours.
 /// Tuned on hand.mesh: 0 needs a third more exchanges.
@@ -42,13 +43,14 @@ pub(crate) struct Certificate {
 pub(crate) struct Candidate {
     pub(crate) weights: Vec<f64>,
     pub(crate) certificate: Certificate,
-    /// `½ wᵀ A w - bᵀ w`.
-    pub(crate) energy: f64,
 }
 
-/// What all handles share.
+/// The unknowns that are exchanged: all, or those near a handle.
 pub(crate) struct ActiveSet<'a> {
-    energy: &'a BiharmonicEnergy,
+    hessian: &'a Symmetric,
+    /// Cholesky factor of the whole Hessian, and the place there of each unknown here.
+    factor: &'a SparseCholesky,
+    places: &'a [u32],
     diagonal: Vec<f64>,
     /// Square roots of the diagonal of the Hessian's inverse: how far a unit of gradient there can move the weights
     /// in the norm of the energy.
@@ -64,9 +66,23 @@ pub(crate) struct Exchanged {
 }
 
 impl<'a> ActiveSet<'a> {
+    /// Of all unknowns.
     pub(crate) fn new(energy: &'a BiharmonicEnergy) -> Self {
         let reach = inverse_diagonal(&energy.factor).into_iter().map(f64::sqrt).collect();
-        Self { energy, diagonal: energy.hessian.diagonal(), reach }
+        let diagonal = energy.hessian.diagonal();
+        Self { hessian: &energy.hessian, factor: &energy.factor, places: &[], diagonal, reach }
+    }
+
+    /// Of those near a handle; all others are zero.
+    pub(crate) fn near(&self, neighbourhood: &'a Neighbourhood) -> Self {
+        let here = |of_all: &[f64]| neighbourhood.places.iter().map(|&k| of_all[k as usize]).collect();
+        Self {
+            hessian: &neighbourhood.hessian,
+            factor: self.factor,
+            places: &neighbourhood.places,
+            diagonal: here(&self.diagonal),
+            reach: here(&self.reach),
+        }
     }
 
     /// Largest entry of the diagonal of the Hessian's inverse.
@@ -79,7 +95,7 @@ impl<'a> ActiveSet<'a> {
         for (weight, held) in weights.iter_mut().zip(held) {
             *weight = held.bound().unwrap_or(*weight);
         }
-        FreeDescent::new(&self.energy.hessian, right, weights)
+        FreeDescent::new(self.hessian, right, weights)
     }
 
     /// Minimises over the free unknowns and exchanges some of them for held ones; `allowed` is the duality gap
@@ -133,7 +149,7 @@ impl<'a> ActiveSet<'a> {
             if held[k] != Held::Free {
                 continue;
             }
-            let neighbours = || self.energy.hessian.column(k).map(|(row, _)| weights[row]);
+            let neighbours = || self.hessian.column(k).map(|(row, _)| weights[row]);
             if weight < 0.0 && weight <= fraction * neighbours().fold(0.0, f64::min) {
                 beyond.push((k, Held::Lower));
             } else if weight > 1.0 && weight - 1.0 >= fraction * (neighbours().fold(1.0, f64::max) - 1.0) {
@@ -148,9 +164,9 @@ impl<'a> ActiveSet<'a> {
         let weights: Vec<f64> = descent.weights.iter().map(|weight| weight.clamp(0.0, 1.0)).collect();
         // Anew, without the rounding of many updates.
         let mut gradient = vec![0.0; weights.len()];
-        self.energy.hessian.multiply_into(&weights, &mut gradient);
+        self.hessian.multiply_into(&weights, &mut gradient);
         gradient.iter_mut().zip(right).for_each(|(g, b)| *g -= b);
-        self.certify(right, weights, gradient)
+        self.certify(weights, gradient)
     }
 
     /// How far weights within the bounds are from the optimum.
@@ -158,8 +174,7 @@ impl<'a> ActiveSet<'a> {
     /// Let `g = A w - b`. Multipliers `λ = g` where `w` rests at a bound and `g` points out of the range, zero
     /// elsewhere, leave a residual `r = g - λ`, and the dual energy at `λ` falls short of that of `w` by
     /// `½ rᵀ A⁻¹ r`.
-    fn certify(&self, right: &[f64], weights: Vec<f64>, mut gradient: Vec<f64>) -> Candidate {
-        let energy = 0.5 * (0..weights.len()).map(|k| (gradient[k] - right[k]) * weights[k]).sum::<f64>();
+    fn certify(&self, weights: Vec<f64>, mut gradient: Vec<f64>) -> Candidate {
         let (mut wrong_multiplier, mut stationarity) = (0.0_f64, 0.0_f64);
         for (k, r) in gradient.iter_mut().enumerate() {
             if weights[k] <= 0.0 {
@@ -172,7 +187,17 @@ impl<'a> ActiveSet<'a> {
                 stationarity = stationarity.max(r.abs() / self.diagonal[k]);
             }
         }
-        let gap = 0.5 * self.energy.factor.inverse_norm_squared(&mut gradient);
-        Candidate { weights, certificate: Certificate { gap, wrong_multiplier, stationarity }, energy }
+        let gap = 0.5 * self.inverse_norm_squared(gradient);
+        Candidate { weights, certificate: Certificate { gap, wrong_multiplier, stationarity } }
+    }
+
+    /// `rᵀ A⁻¹ r` with the whole Hessian, for an `r` that is zero elsewhere.
+    fn inverse_norm_squared(&self, mut residual: Vec<f64>) -> f64 {
+        if self.places.is_empty() {
+            return self.factor.inverse_norm_squared(&mut residual);
+        }
+        let mut whole = vec![0.0; self.factor.rows()];
+        self.places.iter().zip(residual).for_each(|(&k, value)| whole[k as usize] = value);
+        self.factor.inverse_norm_squared(&mut whole)
     }
 }

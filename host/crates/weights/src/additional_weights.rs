@@ -95,8 +95,10 @@ pub fn additional_weights(
     if n == 0 || handles == 0 {
         return Err(AdditionalError::Empty { vertices: n, handles });
     }
-    if let Some(at) = weights.values().iter().position(|w| !w.is_finite()) {
-        return Err(AdditionalError::NotFinite { vertex: at % n, handle: at / n, weight: weights.values()[at] });
+    for handle in 0..handles {
+        if let Some((vertex, weight)) = weights.column(handle).find(|(_, weight)| !weight.is_finite()) {
+            return Err(AdditionalError::NotFinite { vertex, handle, weight });
+        }
     }
     let count = settings.count.min(n);
     let out_of_memory = AdditionalError::OutOfMemory { vertices: n, count };
@@ -120,7 +122,7 @@ pub fn additional_weights(
     for (column, radius) in values.chunks_exact_mut(n).zip(&radii) {
         column.iter_mut().for_each(|distance| *distance = bump(*distance / radius));
     }
-    let weights = WeightMatrix::from_columns(n, radii.len(), values).ok_or(out_of_memory)?;
+    let weights = WeightMatrix::from_columns(n, radii.len(), &values).ok_or(out_of_memory)?;
     Ok(AdditionalWeights { weights, centres: seeds.centres, radii, rounds, outcome })
 }
 
@@ -146,7 +148,10 @@ struct WeightSpace {
 impl WeightSpace {
     fn new(weights: &WeightMatrix) -> Self {
         let (n, dimension) = (weights.vertices(), weights.bones());
-        let points: Vec<f64> = (0..n).flat_map(|vertex| weights.vertex(vertex)).collect();
+        let mut points = vec![0.0; n * dimension];
+        for handle in 0..dimension {
+            weights.column(handle).for_each(|(vertex, weight)| points[vertex * dimension + handle] = weight);
+        }
         let half_to_corner = points
             .par_chunks_exact(dimension)
             .map(|point| {
@@ -245,7 +250,7 @@ mod tests {
             (0..vertices).map(|k| (1.0 - third(k)) * along(k)).collect(),
             (0..vertices).map(third).collect(),
         ];
-        WeightMatrix::from_columns(vertices, 3, columns.concat()).unwrap()
+        WeightMatrix::from_columns(vertices, 3, &columns.concat()).unwrap()
     }
 
     #[test]
@@ -287,10 +292,10 @@ mod tests {
 
     #[test]
     fn few_different_weights_give_few_functions() {
-        let rigid = WeightMatrix::from_columns(4, 2, vec![1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]).unwrap();
+        let rigid = WeightMatrix::from_columns(4, 2, &[1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]).unwrap();
         let found = additional_weights(&rigid, &AdditionalSettings::default()).unwrap();
         assert!(found.centres.is_empty() && found.weights.bones() == 0);
-        let one_between = WeightMatrix::from_columns(3, 2, vec![1.0, 0.5, 0.0, 0.0, 0.5, 1.0]).unwrap();
+        let one_between = WeightMatrix::from_columns(3, 2, &[1.0, 0.5, 0.0, 0.0, 0.5, 1.0]).unwrap();
         assert_eq!(additional_weights(&one_between, &AdditionalSettings::default()).unwrap().centres, [1]);
     }
 
@@ -308,7 +313,7 @@ mod tests {
         let settings = AdditionalSettings::default();
         let none = additional_weights(&WeightMatrix::default(), &settings);
         assert_eq!(none, Err(AdditionalError::Empty { vertices: 0, handles: 0 }));
-        let bad = WeightMatrix::from_columns(2, 2, vec![1.0, 0.0, 0.0, f64::NAN]).unwrap();
+        let bad = WeightMatrix::from_columns(2, 2, &[1.0, 0.0, 0.0, f64::NAN]).unwrap();
         assert!(matches!(
             additional_weights(&bad, &settings),
             Err(AdditionalError::NotFinite { vertex: 1, handle: 1, .. })

@@ -2,7 +2,7 @@
 //! factorisation serves every step of every handle. It closes in quickly and converges slowly, so it only has to say
 //! which weights probably lie at a bound.
 
-use crate::biharmonic_energy::BiharmonicEnergy;
+use crate::biharmonic_energy::Symmetric;
 use crate::{CholeskyError, SparseCholesky};
 
 /// Over-relaxation; 1.5 to 1.8 is usual, and hand.mesh likes 1.7 best.
@@ -37,17 +37,17 @@ impl Held {
 
 /// `A + ρ M`, factorised.
 pub(crate) struct AlternatingDirections<'a> {
-    energy: &'a BiharmonicEnergy,
+    hessian: &'a Symmetric,
     penalty: Vec<f64>,
     factor: SparseCholesky,
 }
 
 impl<'a> AlternatingDirections<'a> {
     /// `stiffness` is ρ: energy per mass.
-    pub(crate) fn new(energy: &'a BiharmonicEnergy, stiffness: f64) -> Result<Self, CholeskyError> {
-        let penalty: Vec<f64> = energy.mass.iter().map(|mass| mass * stiffness).collect();
-        let factor = energy.hessian.factorise_shifted(&penalty)?;
-        Ok(Self { energy, penalty, factor })
+    pub(crate) fn new(hessian: &'a Symmetric, mass: &[f64], stiffness: f64) -> Result<Self, CholeskyError> {
+        let penalty: Vec<f64> = mass.iter().map(|mass| mass * stiffness).collect();
+        let factor = hessian.factorise_shifted(&penalty)?;
+        Ok(Self { hessian, penalty, factor })
     }
 
     /// `ρ M` of every unknown.
@@ -63,7 +63,7 @@ impl<'a> AlternatingDirections<'a> {
     /// Takes `steps` steps from `weights` (whole columns of unknowns, within the bounds) with the right-hand sides
     /// `right`; leaves the new weights there and says which bound holds each.
     pub(crate) fn run(&self, right: &[f64], weights: &mut [f64], steps: usize) -> Result<Vec<Held>, CholeskyError> {
-        let n = self.energy.len();
+        let n = self.hessian.len();
         let mut held = vec![Held::Free; weights.len()];
         let mut multipliers = self.multipliers_at(right, weights);
         let mut relaxed = vec![0.0; weights.len()];
@@ -88,12 +88,12 @@ impl<'a> AlternatingDirections<'a> {
 
     /// Scaled multipliers that fit weights at a bound: `-(A w - b)/ρm` where it has the right sign.
     fn multipliers_at(&self, right: &[f64], weights: &[f64]) -> Vec<f64> {
-        let n = self.energy.len();
+        let n = self.hessian.len();
         let mut multipliers = vec![0.0; weights.len()];
         for (column, w) in weights.chunks(n).enumerate() {
             let range = column * n..(column + 1) * n;
             let gradient = &mut multipliers[range.clone()];
-            self.energy.hessian.multiply_into(w, gradient);
+            self.hessian.multiply_into(w, gradient);
             for (k, value) in gradient.iter_mut().enumerate() {
                 let slope = *value - right[range.start + k];
                 let scaled = -slope / self.penalty[k];

@@ -22,6 +22,8 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct BiharmonicEnergy {
     /// Vertex of every unknown.
     pub(crate) unknowns: Vec<u32>,
+    /// Position of every vertex's unknown, or [`NONE`].
+    position: Vec<u32>,
     /// `A`: the Hessian's rows and columns of the unknowns.
     pub(crate) hessian: Symmetric,
     /// The Hessian's rows of the unknowns and columns of the fixed vertices: for each fixed vertex `(position, value)`.
@@ -60,7 +62,17 @@ impl BiharmonicEnergy {
         let coupling = squared.columns(fixed, &position);
         let factor = hessian.factorise_shifted(&[])?;
         let mass = unknowns.iter().map(|&v| mass[v as usize]).collect();
-        Ok(Self { unknowns, hessian, coupling, factor, mass })
+        Ok(Self { unknowns, position, hessian, coupling, factor, mass })
+    }
+
+    /// Position of a vertex's unknown; fixed vertices have none.
+    pub(crate) fn position(&self, vertex: usize) -> Option<u32> {
+        (self.position[vertex] != NONE).then_some(self.position[vertex])
+    }
+
+    /// Positions that the `row`-th fixed vertex pulls at.
+    pub(crate) fn pulled(&self, row: usize) -> impl Iterator<Item = u32> + '_ {
+        self.coupling[row].iter().map(|&(position, _)| position)
     }
 
     /// Number of unknowns.
@@ -68,12 +80,15 @@ impl BiharmonicEnergy {
         self.unknowns.len()
     }
 
-    /// `b` for the values given at the fixed vertices.
-    pub(crate) fn right_hand_side(&self, fixed_values: &[f64]) -> Vec<f64> {
-        let mut right = vec![0.0; self.len()];
-        for (column, &value) in self.coupling.iter().zip(fixed_values) {
-            if value != 0.0 {
-                column.iter().for_each(|&(k, entry)| right[k as usize] -= entry * value);
+    /// `b` for the values given at the fixed vertices, `(row, value)`: at all unknowns, or at those in `places`
+    /// (ascending), which have to hold all that is pulled at.
+    pub(crate) fn right_hand_side(&self, given: &[(usize, f64)], places: Option<&[u32]>) -> Vec<f64> {
+        let mut right = vec![0.0; places.map_or(self.len(), <[u32]>::len)];
+        for &(row, value) in given {
+            for &(k, entry) in &self.coupling[row] {
+                if let Ok(here) = places.map_or(Ok(k as usize), |places| places.binary_search(&k)) {
+                    right[here] -= entry * value;
+                }
             }
         }
         right
@@ -185,6 +200,27 @@ impl Symmetric {
             let value = x[k as usize];
             self.column(k as usize).for_each(|(row, entry)| y[row] += entry * value);
         }
+    }
+
+    /// Rows and columns at `places` (ascending), and which of those rows had no entries anywhere else.
+    pub(crate) fn at(&self, places: &[u32]) -> (Self, Vec<bool>) {
+        let mut place = vec![NONE; self.len()];
+        places.iter().enumerate().for_each(|(here, &k)| place[k as usize] = here as u32);
+        let mut matrix = Self { starts: vec![0], ..Self::default() };
+        let mut whole = Vec::with_capacity(places.len());
+        for &k in places {
+            let before = matrix.rows.len();
+            let range = self.starts[k as usize]..self.starts[k as usize + 1];
+            for (row, value) in self.rows[range.clone()].iter().zip(&self.values[range.clone()]) {
+                if place[*row as usize] != NONE {
+                    matrix.rows.push(place[*row as usize]);
+                    matrix.values.push(*value);
+                }
+            }
+            whole.push(matrix.rows.len() - before == range.len());
+            matrix.starts.push(matrix.rows.len());
+        }
+        (matrix, whole)
     }
 
     /// The main diagonal.

@@ -265,6 +265,6 @@ fn spread(
             *value = column[from as usize];
         }
     }
-    WeightMatrix::from_columns(n, bone_count, values)
+    WeightMatrix::from_columns(n, bone_count, &values)
         .ok_or(BoneHeatError::OutOfMemory { vertices: n, bones: bone_count })
 }

@@ -9,17 +9,19 @@
 //! conjugate gradients. Where exchanges stop to pay, more and more steps of alternating directions, which always
 //! converge, give a better guess.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use armature_geometry::SparseMatrix;
 use rayon::prelude::*;
 
 use crate::active_set::{ActiveSet, Candidate};
-use crate::alternating_directions::{AlternatingDirections, Held};
 use crate::biharmonic_check::{BiharmonicError, check, reached};
 use crate::biharmonic_energy::BiharmonicEnergy;
+use crate::exchange_bounds::{Effort, Goal};
+use crate::far_handles::FarHandles;
 use crate::gather_reports::gather_reports;
-use crate::{CholeskyError, Phase, Progress, WeightMatrix};
+use crate::near_handles::NearHandles;
+use crate::{Phase, Progress, WeightMatrix};
 
 /// What is to be solved; triangles and tetrahedra alike.
 #[derive(Clone, Copy, Debug)]
@@ -118,22 +120,6 @@ pub struct BiharmonicWeights {
     pub factor_entries: usize,
 }
 
-/// Handles guessed together; a constant, so that results do not depend on the number of threads.
-pub(crate) const BLOCK: usize = 5;
-
-/// The guess's stiffness ρ in units of the mean Rayleigh quotient of the unbounded weights, `Σ wᵀAw / Σ wᵀMw`.
-/// Tuned on hand.mesh.
-const STIFFNESS: f64 = 30.0;
-
-/// An exchange that does not bring the gap below this fraction of the best so far has not paid ...
-const PAYS: f64 = 0.5;
-
-/// ... and after this many in a row the guess is renewed.
-const PATIENCE: usize = 8;
-
-/// A renewed guess takes no more steps than this.
-const MOST_GUESS_STEPS: usize = 1000;
-
 /// Computes every handle's weights and proves how good they are.
 ///
 /// Scaling or moving the mesh changes nothing beside rounding; neither does the number of threads change a bit.
@@ -153,196 +139,52 @@ pub fn bounded_biharmonic_weights(
     report_at(Phase::Factorise, 0.02)?;
     let energy =
         BiharmonicEnergy::new(problem.laplacian, problem.mass, problem.shape_preservation, problem.fixed, &takes_part)?;
-    report_at(Phase::Guess, 0.1)?;
-    let right: Vec<RightHandSide> =
-        (0..problem.handles).into_par_iter().map(|handle| RightHandSide::new(problem, &energy, handle)).collect();
-    let unbounded = unbounded(&energy, &right)?;
-    let stiffness = STIFFNESS * rayleigh_quotient(problem, &energy, &unbounded);
-    let directions = AlternatingDirections::new(&energy, stiffness)?;
-    let guesses = guess(&directions, &right, &unbounded, settings.guess_steps)?;
     let active_set = ActiveSet::new(&energy);
     let goal = Goal { settings, largest_inverse: active_set.largest_inverse() };
-    let solver = Solver { active_set, directions, goal };
-    report_at(Phase::Exchange, 0.2)?;
-    let (mut done, share) = (0.2, 0.1 / guesses.len().max(1) as f64);
+    report_at(Phase::Exchange, 0.1)?;
+    let near = NearHandles::new(problem, &energy, &active_set);
+    let all: Vec<usize> = (0..problem.handles).collect();
+    let mut solves = exchange_all(all, |handle, go_on| near.solve(handle, &goal, go_on), 0.1..0.5, &mut report_at)?;
+    let left: Vec<usize> = (0..problem.handles).filter(|&handle| solves[handle].is_none()).collect();
+    if !left.is_empty() {
+        report_at(Phase::Guess, 0.5)?;
+        let (far, items) = FarHandles::guess(problem, &energy, &active_set, &left, settings.guess_steps)?;
+        report_at(Phase::Exchange, 0.6)?;
+        let solved = exchange_all(items, |item, go_on| far.solve(item, &goal, go_on), 0.6..0.95, &mut report_at)?;
+        left.iter().zip(solved).for_each(|(&handle, solve)| solves[handle] = Some(solve));
+    }
+    report_at(Phase::Finish, 0.95)?;
+    assemble(problem, &energy, solves.into_iter().flatten().collect(), unreached, &goal)
+}
+
+/// Solves for every item, in order; the part done goes through `range` without ever coming to its end.
+fn exchange_all<T: Send, R: Send>(
+    items: Vec<T>,
+    solve: impl Fn(T, &dyn Fn() -> bool) -> Result<R, BiharmonicError> + Sync,
+    range: Range<f64>,
+    report_at: &mut dyn FnMut(Phase, f64) -> Result<(), BiharmonicError>,
+) -> Result<Vec<R>, BiharmonicError> {
+    let (mut done, share) = (range.start, 0.1 / items.len().max(1) as f64);
     let mut cancelled = None;
     let between = || {
-        // Never falling, and never quite there.
-        done += share * (0.95 - done);
+        done += share * (range.end - done);
         cancelled = report_at(Phase::Exchange, done).err();
         if cancelled.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let items: Vec<_> = guesses.into_iter().zip(&right).enumerate().collect();
-    let work = |(handle, (guess, right)): (usize, (Guess, &RightHandSide)), go_on: &dyn Fn() -> bool| {
-        solver.solve(handle, guess, right, go_on)
-    };
-    let solved = gather_reports(items, work, between);
-    let solves: Result<Vec<Solve>, BiharmonicError> = match (cancelled, solved) {
+    let solved = gather_reports(items, solve, between);
+    match (cancelled, solved) {
         (None, Some(solves)) => solves.into_iter().collect(),
         (cancelled, _) => Err(cancelled.unwrap_or(BiharmonicError::Cancelled(Phase::Exchange))),
-    };
-    let solves = solves?;
-    report_at(Phase::Finish, 0.95)?;
-    assemble(problem, &energy, solves, unreached, &solver.goal)
-}
-
-/// What counts as done.
-struct Goal<'a> {
-    settings: &'a BiharmonicSettings,
-    largest_inverse: f64,
-}
-
-impl Goal<'_> {
-    /// The largest duality gap that meets both bounds for weights of this energy.
-    fn gap(&self, energy: f64) -> f64 {
-        let wanted = self.settings.error_bound;
-        (0.5 * wanted * wanted / self.largest_inverse).min(self.settings.relative_gap * energy)
     }
-
-    fn error_bound(&self, gap: f64) -> f64 {
-        (2.0 * gap * self.largest_inverse).sqrt()
-    }
-}
-
-/// A handle's weights to start from.
-struct Guess {
-    weights: Vec<f64>,
-    held: Vec<Held>,
 }
 
 /// A handle's final weights.
-#[derive(Default)]
-struct Solve {
-    best: Candidate,
-    energy: f64,
-    active_sets: usize,
-    factorisations: usize,
-    iterations: usize,
-    converged: bool,
-}
-
-/// What all handles share.
-struct Solver<'a> {
-    active_set: ActiveSet<'a>,
-    directions: AlternatingDirections<'a>,
-    goal: Goal<'a>,
-}
-
-impl Solver<'_> {
-    /// Exchanges active sets until the gap is closed or the limit reached.
-    fn solve(
-        &self,
-        handle: usize,
-        guess: Guess,
-        right: &RightHandSide,
-        go_on: &dyn Fn() -> bool,
-    ) -> Result<Solve, BiharmonicError> {
-        let limit = self.goal.settings.max_active_sets;
-        let Guess { weights, mut held } = guess;
-        let mut descent = self.active_set.start(&right.values, weights, &held);
-        let mut best: Option<Candidate> = None;
-        let mut least = f64::INFINITY;
-        let (mut unpaid, mut guess_steps) = (0, self.goal.settings.guess_steps);
-        let mut solve = Solve::default();
-        while solve.active_sets < limit && !solve.converged && go_on() {
-            solve.active_sets += 1;
-            // A share of the constant keeps rounding from deciding where the weights cost no energy at all.
-            let scale = (descent.energy(&right.values) + right.constant).max(1e-10 * right.constant);
-            let allowed = self.goal.gap(scale);
-            let certify = solve.active_sets == limit;
-            let exchanged = self.active_set.exchange(&right.values, &mut descent, &mut held, allowed, certify)?;
-            if !exchanged.gained.is_finite() {
-                return Err(BiharmonicError::NotFinite { handle });
-            }
-            unpaid = if exchanged.gained < PAYS * least { 0 } else { unpaid + 1 };
-            least = least.min(exchanged.gained);
-            if let Some(candidate) = exchanged.candidate
-                && best.as_ref().is_none_or(|best| candidate.certificate.gap < best.certificate.gap)
-            {
-                solve.converged = candidate.certificate.gap <= allowed;
-                best = Some(candidate);
-            }
-            if unpaid >= PATIENCE && !solve.converged {
-                guess_steps = (2 * guess_steps).min(MOST_GUESS_STEPS);
-                let mut weights: Vec<f64> = descent.weights.iter().map(|weight| weight.clamp(0.0, 1.0)).collect();
-                held = self.directions.run(&right.values, &mut weights, guess_steps)?;
-                descent = descent.restart(self.active_set.start(&right.values, weights, &held));
-                (unpaid, least) = (0, f64::INFINITY);
-            }
-        }
-        (solve.factorisations, solve.iterations) = (descent.factorisations, descent.iterations);
-        solve.best = best.unwrap_or_default();
-        solve.energy = solve.best.energy + right.constant;
-        if solve.best.certificate.gap.is_finite() { Ok(solve) } else { Err(BiharmonicError::NotFinite { handle }) }
-    }
-}
-
-/// What one handle's given weights do to the unknowns.
-pub(crate) struct RightHandSide {
-    pub(crate) values: Vec<f64>,
-    /// Energy of the given weights alone.
-    constant: f64,
-}
-
-impl RightHandSide {
-    pub(crate) fn new(problem: &BiharmonicProblem<'_>, energy: &BiharmonicEnergy, handle: usize) -> Self {
-        let given = problem.given(handle);
-        let mut weights = vec![0.0; problem.mass.len()];
-        problem.fixed.iter().zip(given).for_each(|(&vertex, &weight)| weights[vertex] = weight);
-        Self { values: energy.right_hand_side(given), constant: problem.energy(&weights) }
-    }
-}
-
-/// Weights without bounds, one column for every handle.
-pub(crate) fn unbounded(energy: &BiharmonicEnergy, right: &[RightHandSide]) -> Result<Vec<Vec<f64>>, CholeskyError> {
-    let solve = |block: &[RightHandSide]| {
-        let mut columns: Vec<f64> = block.iter().flat_map(|right| right.values.iter().copied()).collect();
-        energy.factor.solve_here(&mut columns)?;
-        Ok(columns.chunks(energy.len().max(1)).map(<[f64]>::to_vec).collect::<Vec<_>>())
-    };
-    if energy.len() == 0 {
-        return Ok(vec![Vec::new(); right.len()]);
-    }
-    let blocks: Result<Vec<_>, CholeskyError> = right.par_chunks(BLOCK).map(solve).collect();
-    Ok(blocks?.into_iter().flatten().collect())
-}
-
-/// `Σ wᵀAw / Σ wᵀMw` over all handles: the energy per mass at which weights resist.
-pub(crate) fn rayleigh_quotient(
-    problem: &BiharmonicProblem<'_>,
-    energy: &BiharmonicEnergy,
-    columns: &[Vec<f64>],
-) -> f64 {
-    let (mut energies, mut masses) = (0.0, 0.0);
-    for (handle, column) in columns.iter().enumerate() {
-        let weights = problem.whole(energy, handle, column);
-        energies += 2.0 * problem.energy(&weights);
-        masses += weights.iter().zip(problem.mass).map(|(w, m)| w * w * m).sum::<f64>();
-    }
-    // Where one handle holds everything there is no energy, and any stiffness will do.
-    let quotient = energies / masses;
-    if quotient.is_normal() { quotient } else { f64::MIN_POSITIVE }
-}
-
-/// A first guess for every handle.
-fn guess(
-    directions: &AlternatingDirections<'_>,
-    right: &[RightHandSide],
-    unbounded: &[Vec<f64>],
-    steps: usize,
-) -> Result<Vec<Guess>, CholeskyError> {
-    let one = |(block, right): (&[Vec<f64>], &[RightHandSide])| {
-        let n = block[0].len();
-        let mut weights: Vec<f64> = block.iter().flatten().map(|w| w.clamp(0.0, 1.0)).collect();
-        let right: Vec<f64> = right.iter().flat_map(|right| right.values.iter().copied()).collect();
-        let held = if n == 0 { Vec::new() } else { directions.run(&right, &mut weights, steps)? };
-        let start =
-            |k: usize| Guess { weights: weights[k * n..(k + 1) * n].to_vec(), held: held[k * n..(k + 1) * n].to_vec() };
-        Ok((0..block.len()).map(start).collect::<Vec<_>>())
-    };
-    let blocks: Result<Vec<_>, CholeskyError> =
-        unbounded.par_chunks(BLOCK).zip(right.par_chunks(BLOCK)).map(one).collect();
-    Ok(blocks?.into_iter().flatten().collect())
+pub(crate) struct Solve {
+    pub(crate) best: Candidate,
+    /// Positions of the unknowns that the weights are of, ascending; all of them if that is not told.
+    pub(crate) places: Option<Vec<u32>>,
+    pub(crate) effort: Effort,
+    pub(crate) converged: bool,
 }
 
 fn assemble(
@@ -352,54 +194,91 @@ fn assemble(
     unreached: Vec<Vec<usize>>,
     goal: &Goal<'_>,
 ) -> Result<BiharmonicWeights, BiharmonicError> {
-    let (n, m) = (problem.mass.len(), problem.handles);
-    let out_of_memory = BiharmonicError::OutOfMemory { vertices: n, handles: m };
-    let mut values = Vec::new();
-    let entries = n.checked_mul(m).ok_or(out_of_memory.clone())?;
-    values.try_reserve_exact(entries).map_err(|_| out_of_memory.clone())?;
-    let mut reports = Vec::with_capacity(m);
-    for (handle, solve) in solves.into_iter().enumerate() {
-        let weights = problem.whole(energy, handle, &solve.best.weights);
-        let certificate = solve.best.certificate;
-        reports.push(HandleReport {
+    let one = |(handle, solve): (usize, Solve)| {
+        let Solve { best, places, effort, converged } = solve;
+        let certificate = best.certificate;
+        let weights = problem.whole(energy, handle, places.as_deref(), &best.weights);
+        let report = HandleReport {
             energy: problem.energy(&weights),
             gap: certificate.gap,
             error_bound: goal.error_bound(certificate.gap),
-            largest_bound_violation: weights.iter().map(|w| (-w).max(w - 1.0).max(0.0)).fold(0.0, f64::max),
+            largest_bound_violation: weights.iter().map(|(_, w)| (-w).max(w - 1.0).max(0.0)).fold(0.0, f64::max),
             largest_wrong_multiplier: certificate.wrong_multiplier,
             stationarity: certificate.stationarity,
-            active_sets: solve.active_sets,
-            factorisations: solve.factorisations,
-            iterations: solve.iterations,
-            outcome: if solve.converged { BiharmonicOutcome::Converged } else { BiharmonicOutcome::LimitReached },
-        });
-        values.extend(weights);
-    }
-    let weights = WeightMatrix::from_columns(n, m, values).ok_or(out_of_memory)?;
+            active_sets: effort.active_sets,
+            factorisations: effort.factorisations,
+            iterations: effort.iterations,
+            outcome: if converged { BiharmonicOutcome::Converged } else { BiharmonicOutcome::LimitReached },
+        };
+        (weights, report)
+    };
+    let (columns, reports): (Vec<Vec<(usize, f64)>>, _) =
+        solves.into_par_iter().enumerate().map(one).collect::<Vec<_>>().into_iter().unzip();
+    let weights = WeightMatrix::from_sparse_columns(problem.mass.len(), columns).ok_or(problem.out_of_memory())?;
     Ok(BiharmonicWeights { weights, reports, unreached, factor_entries: energy.factor.stored() })
 }
 
 impl BiharmonicProblem<'_> {
-    /// The given weights of one handle.
-    fn given(&self, handle: usize) -> &[f64] {
-        &self.fixed_weights[handle * self.fixed.len()..(handle + 1) * self.fixed.len()]
+    /// The given weights of one handle that are not zero, by their row among the fixed vertices.
+    pub(crate) fn given(&self, handle: usize) -> Vec<(usize, f64)> {
+        let given = &self.fixed_weights[handle * self.fixed.len()..(handle + 1) * self.fixed.len()];
+        given.iter().copied().enumerate().filter(|(_, weight)| *weight != 0.0).collect()
     }
 
-    /// Given and computed weights of one handle together, n long.
-    pub(crate) fn whole(&self, energy: &BiharmonicEnergy, handle: usize, column: &[f64]) -> Vec<f64> {
-        let mut weights = vec![0.0; self.mass.len()];
-        energy.unknowns.iter().zip(column).for_each(|(&vertex, &weight)| weights[vertex as usize] = weight);
-        self.fixed.iter().zip(self.given(handle)).for_each(|(&vertex, &weight)| weights[vertex] = weight);
+    /// The same by vertex.
+    pub(crate) fn at_vertices(&self, given: &[(usize, f64)]) -> Vec<(usize, f64)> {
+        given.iter().map(|&(row, weight)| (self.fixed[row], weight)).collect()
+    }
+
+    /// Given and computed weights of one handle together, without zeros, by ascending vertices; `column` is of the
+    /// unknowns in `places` or of all.
+    pub(crate) fn whole(
+        &self,
+        energy: &BiharmonicEnergy,
+        handle: usize,
+        places: Option<&[u32]>,
+        column: &[f64],
+    ) -> Vec<(usize, f64)> {
+        let vertex = |at: usize| energy.unknowns[places.map_or(at, |places| places[at] as usize)] as usize;
+        let moved = column.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
+        let mut weights: Vec<(usize, f64)> = moved.map(|(at, &weight)| (vertex(at), weight)).collect();
+        weights.extend(self.at_vertices(&self.given(handle)));
+        weights.sort_unstable_by_key(|&(vertex, _)| vertex);
         weights
     }
 
-    /// `½ wᵀ (L M⁻¹ L + K) w`, summed from squares, so that the huge entries of slivers do not cancel.
-    pub(crate) fn energy(&self, weights: &[f64]) -> f64 {
-        let curvature = self.laplacian.multiply(weights);
-        let squares = curvature.iter().zip(self.mass).filter(|(c, _)| **c != 0.0).map(|(c, m)| c * c / m);
-        let kept = self
-            .shape_preservation
-            .map_or(0.0, |k| k.multiply(weights).iter().zip(weights).map(|(gradient, weight)| gradient * weight).sum());
-        0.5 * (squares.sum::<f64>() + kept)
+    /// `½ wᵀ (L M⁻¹ L + K) w`, summed from squares, so that the huge entries of slivers do not cancel; `weights` are
+    /// those that are not zero, by ascending vertices.
+    pub(crate) fn energy(&self, weights: &[(usize, f64)]) -> f64 {
+        let mut curvature = vec![0.0; self.mass.len()];
+        let touched = multiply_sparse(self.laplacian, weights, &mut curvature);
+        let bent = touched.into_iter().filter(|&row| curvature[row] != 0.0);
+        let squares: f64 = bent.map(|row| curvature[row] * curvature[row] / self.mass[row]).sum();
+        let kept: f64 = self.shape_preservation.map_or(0.0, |k| {
+            let mut gradient = vec![0.0; self.mass.len()];
+            multiply_sparse(k, weights, &mut gradient);
+            weights.iter().map(|&(vertex, weight)| gradient[vertex] * weight).sum()
+        });
+        0.5 * (squares + kept)
     }
+
+    pub(crate) fn out_of_memory(&self) -> BiharmonicError {
+        BiharmonicError::OutOfMemory { vertices: self.mass.len(), handles: self.handles }
+    }
+}
+
+/// Adds a matrix times a sparse vector to `product`, which is zero; the rows that the vector reaches, ascending.
+fn multiply_sparse(matrix: &SparseMatrix, vector: &[(usize, f64)], product: &mut [f64]) -> Vec<usize> {
+    let mut reached = vec![false; product.len()];
+    let mut rows = Vec::new();
+    for &(column, factor) in vector {
+        for (row, value) in matrix.column(column) {
+            product[row] += value * factor;
+            if !std::mem::replace(&mut reached[row], true) {
+                rows.push(row);
+            }
+        }
+    }
+    rows.sort_unstable();
+    rows
 }

@@ -66,11 +66,11 @@ pub fn endpoint_weights_of_influences(endpoints: &WeightMatrix, influences: &Inf
     if influences.vertex_count() != endpoints.vertices() {
         return None;
     }
+    let columns = endpoints.to_columns()?;
     let mut of_slots = vec![0.5; influences.bones().len()];
     for (vertex, slots) in of_slots.chunks_exact_mut(influences.per_vertex().max(1)).enumerate() {
         for (slot, (bone, _)) in slots.iter_mut().zip(influences.of_vertex(vertex)) {
-            let column = usize::from(bone) * endpoints.vertices();
-            *slot = *endpoints.values().get(column + vertex)? as f32;
+            *slot = *columns.get(usize::from(bone) * endpoints.vertices() + vertex)? as f32;
         }
     }
     Some(of_slots)
@@ -97,21 +97,10 @@ fn all_together(
             fixed_weights.resize(fixed_weights.len() + fixed.len(), 0.5);
         }
     }
-    let problem = BiharmonicProblem {
-        laplacian,
-        mass,
-        fixed: &fixed,
-        fixed_weights: &fixed_weights,
-        handles,
-        shape_preservation: None,
-    };
-    let BiharmonicWeights { mut weights, reports, unreached, .. } =
-        bounded_biharmonic_weights(&problem, settings, progress)?;
-    let lost: Vec<usize> = unreached.into_iter().flatten().collect();
-    for (bone, column) in weights.values_mut().chunks_exact_mut(mass.len().max(1)).enumerate() {
-        lost.iter().for_each(|&vertex| column[vertex] = skeleton.along(bone, vertex));
-    }
-    Ok(EndpointWeights { weights, without_length, reports, projected: vec![lost.len(); handles], told_by_projection })
+    let given = Given { fixed: &fixed, weights: &fixed_weights, bones: &(0..handles).collect::<Vec<usize>>() };
+    let (columns, reports, lost) = solve(laplacian, mass, skeleton, &given, settings, progress)?;
+    let weights = matrix(mass.len(), handles, columns)?;
+    Ok(EndpointWeights { weights, without_length, reports, projected: vec![lost; handles], told_by_projection })
 }
 
 fn one_by_one(
@@ -121,8 +110,8 @@ fn one_by_one(
     settings: &BiharmonicSettings,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<EndpointWeights, EndpointError> {
-    let (n, handles) = (mass.len(), skeleton.bones.len());
-    let (mut values, mut without_length) = (Vec::new(), Vec::new());
+    let handles = skeleton.bones.len();
+    let (mut columns, mut without_length) = (Vec::with_capacity(handles), Vec::new());
     let (mut reports, mut projected) = (Vec::with_capacity(handles), Vec::with_capacity(handles));
     for bone in 0..handles {
         let fixed = skeleton.held_by(bone);
@@ -132,28 +121,63 @@ fn one_by_one(
             without_length.push(bone);
             vec![0.5; fixed.len()]
         };
-        let problem = BiharmonicProblem {
-            laplacian,
-            mass,
-            fixed: &fixed,
-            fixed_weights: &fixed_weights,
-            handles: 1,
-            shape_preservation: None,
-        };
+        let given = Given { fixed: &fixed, weights: &fixed_weights, bones: &[bone] };
         let mut of_all = |at: Progress| progress(Progress { done: (bone as f64 + at.done) / handles as f64, ..at });
-        let solved =
-            bounded_biharmonic_weights(&problem, settings, &mut of_all).map_err(|error| name_bone(error, bone))?;
-        let from = values.len();
-        values.extend_from_slice(solved.weights.values());
-        let lost: Vec<usize> = solved.unreached.into_iter().flatten().collect();
-        lost.iter().for_each(|&vertex| values[from + vertex] = skeleton.along(bone, vertex));
-        projected.push(lost.len());
-        reports.extend(solved.reports);
+        let (column, report, lost) =
+            solve(laplacian, mass, skeleton, &given, settings, &mut of_all).map_err(|error| name_bone(error, bone))?;
+        columns.extend(column);
+        reports.extend(report);
+        projected.push(lost);
     }
-    let out_of_memory = BiharmonicError::OutOfMemory { vertices: n, handles };
-    let weights = WeightMatrix::from_columns(n, handles, values).ok_or(out_of_memory)?;
+    let weights = matrix(mass.len(), handles, columns)?;
     let told_by_projection = vec![Vec::new(); handles];
     Ok(EndpointWeights { weights, without_length, reports, projected, told_by_projection })
+}
+
+/// What some bones' weights are at some vertices.
+struct Given<'a> {
+    fixed: &'a [usize],
+    /// `fixed.len()` × `bones.len()`, column-major.
+    weights: &'a [f64],
+    bones: &'a [usize],
+}
+
+/// One bone's weights, `(vertex, weight)` by ascending vertices.
+type Column = Vec<(usize, f64)>;
+
+/// Solves for some bones; vertices that hang together with none given take the projection. Returns columns, their
+/// certificates and how many those vertices were.
+fn solve(
+    laplacian: &SparseMatrix,
+    mass: &[f64],
+    skeleton: &SampledSkeleton<'_>,
+    given: &Given<'_>,
+    settings: &BiharmonicSettings,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<(Vec<Column>, Vec<HandleReport>, usize), BiharmonicError> {
+    let problem = BiharmonicProblem {
+        laplacian,
+        mass,
+        fixed: given.fixed,
+        fixed_weights: given.weights,
+        handles: given.bones.len(),
+        shape_preservation: None,
+    };
+    let BiharmonicWeights { weights, reports, unreached, .. } =
+        bounded_biharmonic_weights(&problem, settings, progress)?;
+    let lost: Vec<usize> = unreached.into_iter().flatten().collect();
+    let column = |(at, &bone): (usize, &usize)| {
+        let projected = lost.iter().map(|&vertex| (vertex, skeleton.along(bone, vertex)));
+        let mut column: Column = weights.column(at).chain(projected).collect();
+        column.sort_unstable_by_key(|&(vertex, _)| vertex);
+        column
+    };
+    Ok((given.bones.iter().enumerate().map(column).collect(), reports, lost.len()))
+}
+
+fn matrix(vertices: usize, handles: usize, columns: Vec<Column>) -> Result<WeightMatrix, BiharmonicError> {
+    let out_of_memory = BiharmonicError::OutOfMemory { vertices, handles };
+    WeightMatrix::from_sparse_columns(vertices, columns).ok_or(out_of_memory)
 }
 
 /// The error of a problem whose only handle was this bone.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::alternating_directions::AlternatingDirections;
 use crate::biharmonic_check::{BiharmonicError, check, reached};
 use crate::biharmonic_energy::BiharmonicEnergy;
-use crate::bounded_biharmonic::{BLOCK, RightHandSide, rayleigh_quotient, unbounded};
+use crate::far_handles::{BLOCK, RightHandSide, rayleigh_quotient, unbounded};
 use crate::inverse_diagonal::inverse_diagonal;
 use crate::{BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, Phase, Progress, WeightMatrix};
 
@@ -96,8 +96,8 @@ pub fn exact_partition_weights(
     let right: Vec<RightHandSide> =
         (0..problem.handles).into_par_iter().map(|handle| RightHandSide::new(problem, &energy, handle)).collect();
     let unbounded = unbounded(&energy, &right)?;
-    let stiffness = STIFFNESS * rayleigh_quotient(problem, &energy, &unbounded);
-    let directions = AlternatingDirections::new(&energy, stiffness)?;
+    let stiffness = STIFFNESS * rayleigh_quotient(problem, &energy, unbounded.iter().enumerate());
+    let directions = AlternatingDirections::new(&energy.hessian, &energy.mass, stiffness)?;
     let right: Vec<f64> = right.into_iter().flat_map(|right| right.values).collect();
     let mut steps = Steps::new(&energy, &directions, right, unbounded.concat());
     let mut best: Option<(f64, Vec<f64>)> = None;
@@ -254,21 +254,18 @@ fn assemble(
     energy: &BiharmonicEnergy,
     columns: &[f64],
 ) -> Result<(WeightMatrix, f64, f64), BiharmonicError> {
-    let (n, m) = (problem.mass.len(), problem.handles);
-    let out_of_memory = BiharmonicError::OutOfMemory { vertices: n, handles: m };
-    let entries = n.checked_mul(m).ok_or(out_of_memory.clone())?;
-    let mut values = Vec::new();
-    values.try_reserve_exact(entries).map_err(|_| out_of_memory.clone())?;
+    let n = energy.len();
     let mut total = 0.0;
-    for handle in 0..m {
-        let column = &columns[handle * energy.len()..(handle + 1) * energy.len()];
-        let weights = problem.whole(energy, handle, column);
+    let mut sums = vec![0.0; problem.mass.len()];
+    let whole = (0..problem.handles).map(|handle| {
+        let weights = problem.whole(energy, handle, None, &columns[handle * n..(handle + 1) * n]);
         total += problem.energy(&weights);
-        values.extend(weights);
-    }
-    let sum = |vertex: &u32| values.iter().skip(*vertex as usize).step_by(n).sum::<f64>();
-    let worst = energy.unknowns.iter().map(|vertex| (sum(vertex) - 1.0).abs()).fold(0.0, f64::max);
-    Ok((WeightMatrix::from_columns(n, m, values).ok_or(out_of_memory)?, total, worst))
+        weights.iter().for_each(|&(vertex, weight)| sums[vertex] += weight);
+        weights
+    });
+    let weights = WeightMatrix::from_sparse_columns(problem.mass.len(), whole).ok_or(problem.out_of_memory())?;
+    let worst = energy.unknowns.iter().map(|&vertex| (sums[vertex as usize] - 1.0_f64).abs()).fold(0.0, f64::max);
+    Ok((weights, total, worst))
 }
 
 #[cfg(test)]

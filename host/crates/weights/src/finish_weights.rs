@@ -28,9 +28,9 @@ pub fn follow_nearest_handle(
     boundary: &HandleBoundary,
     vertices: &[[f64; 3]],
 ) -> Vec<usize> {
-    let n = weights.vertices();
     let place = |vertex: usize| DVec3::from(vertices[vertex]);
     let mut followed = Vec::with_capacity(unreached.len());
+    let mut given = vec![Vec::new(); weights.bones()];
     for piece in unreached {
         let nearness = |row: usize| {
             let to = place(boundary.fixed[row]);
@@ -40,9 +40,15 @@ pub fn follow_nearest_handle(
         let Some((_, row)) = nearest else { break };
         let weight = |handle: usize| boundary.fixed_weights[handle * boundary.fixed.len() + row];
         let heaviest = (1..boundary.handles).fold(0, |best, h| if weight(h) > weight(best) { h } else { best });
-        let values = weights.values_mut();
-        piece.iter().for_each(|&vertex| values[heaviest * n + vertex] = 1.0);
+        given[heaviest].extend(piece.iter().map(|&vertex| (vertex, 1.0)));
         followed.push(heaviest);
+    }
+    if followed.is_empty() {
+        return followed;
+    }
+    given.iter_mut().for_each(|given| given.sort_unstable_by_key(|&(vertex, _)| vertex));
+    if let Some(with_pieces) = weights.overlay(&given) {
+        *weights = with_pieces;
     }
     followed
 }
@@ -51,16 +57,10 @@ pub fn follow_nearest_handle(
 pub fn normalise(weights: &mut WeightMatrix) -> Normalisation {
     let n = weights.vertices();
     let mut sums = vec![0.0; n];
-    for column in weights.values().chunks_exact(n.max(1)) {
-        sums.iter_mut().zip(column).for_each(|(sum, weight)| *sum += weight);
+    for bone in 0..weights.bones() {
+        weights.column(bone).for_each(|(vertex, weight)| sums[vertex] += weight);
     }
-    for column in weights.values_mut().chunks_exact_mut(n.max(1)) {
-        for (weight, sum) in column.iter_mut().zip(&sums) {
-            if *sum > 0.0 {
-                *weight /= sum;
-            }
-        }
-    }
+    weights.change(|vertex, weight| if sums[vertex] > 0.0 { weight / sums[vertex] } else { weight });
     let unweighted: Vec<usize> = (0..n).filter(|&vertex| sums[vertex] <= 0.0).collect();
     let deviations = || sums.iter().filter(|sum| **sum > 0.0).map(|sum| (sum - 1.0).abs());
     Normalisation {
@@ -79,16 +79,16 @@ mod tests {
         let vertices = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
         let boundary = HandleBoundary { fixed: vec![0, 1], fixed_weights: vec![1.0, 0.25, 0.0, 0.75], handles: 2 };
         let values = vec![1.0, 0.25, 0.0, 0.0, 0.0, 0.75, 0.0, 0.0];
-        let mut weights = WeightMatrix::from_columns(4, 2, values).unwrap();
+        let mut weights = WeightMatrix::from_columns(4, 2, &values).unwrap();
         assert_eq!(follow_nearest_handle(&mut weights, &[vec![2, 3]], &boundary, &vertices), [1]);
         assert_eq!(weights.bone(1), [0.0, 0.75, 1.0, 1.0]);
     }
 
     #[test]
     fn sums_become_one_and_the_change_is_told() {
-        let mut weights = WeightMatrix::from_columns(3, 2, vec![0.5, 0.3, 0.0, 0.5, 0.5, 0.0]).unwrap();
+        let mut weights = WeightMatrix::from_columns(3, 2, &[0.5, 0.3, 0.0, 0.5, 0.5, 0.0]).unwrap();
         let report = normalise(&mut weights);
-        assert_eq!(weights.values(), [0.5, 0.3 / 0.8, 0.0, 0.5, 0.5 / 0.8, 0.0]);
+        assert_eq!(weights.to_columns().unwrap(), [0.5, 0.3 / 0.8, 0.0, 0.5, 0.5 / 0.8, 0.0]);
         assert!((report.largest_deviation - 0.2).abs() < 1e-15 && (report.mean_deviation - 0.1).abs() < 1e-15);
         assert_eq!(report.unweighted, [2]);
         assert_eq!(normalise(&mut WeightMatrix::default()), Normalisation::default());

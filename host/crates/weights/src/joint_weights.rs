@@ -63,9 +63,9 @@ pub fn endpoint_weights_from_joints(joints: &WeightMatrix, ends: &[[usize; 2]]) 
     }
     let one = |&[head, tail]: &[usize; 2]| {
         let (head, tail) = (joints.bone(head), joints.bone(tail));
-        head.iter().zip(tail).map(|(at_head, at_tail)| 0.5 * ((1.0 - at_head) + at_tail)).collect::<Vec<_>>()
+        head.into_iter().zip(tail).map(|(at_head, at_tail)| 0.5 * ((1.0 - at_head) + at_tail)).collect::<Vec<_>>()
     };
-    WeightMatrix::from_columns(joints.vertices(), ends.len(), ends.iter().flat_map(one).collect())
+    WeightMatrix::from_columns(joints.vertices(), ends.len(), &ends.iter().flat_map(one).collect::<Vec<f64>>())
 }
 
 #[cfg(test)]
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn endpoint_weights_follow_from_joints() {
-        let joints = WeightMatrix::from_columns(3, 2, vec![1.0, 0.25, 0.0, 0.0, 0.75, 0.0]).unwrap();
+        let joints = WeightMatrix::from_columns(3, 2, &[1.0, 0.25, 0.0, 0.0, 0.75, 0.0]).unwrap();
         let endpoint = endpoint_weights_from_joints(&joints, &[[0, 1], [1, 0], [1, 1]]).unwrap();
         assert_eq!(endpoint.bone(0), [0.0, 0.75, 0.5]);
         assert_eq!(endpoint.bone(1), [1.0, 0.25, 0.5]);

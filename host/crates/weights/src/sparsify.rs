@@ -1,4 +1,4 @@
-//! From dense weights to a few influences a vertex.
+//! From weights on many bones to a few influences a vertex.
 
 use armature_geometry::{Influences, InfluencesError};
 
@@ -62,8 +62,9 @@ pub fn sparsify(
     let mut report = Sparsification::default();
     let mut dropped_sum = 0.0;
     let mut row: Vec<(u16, f64)> = Vec::with_capacity(weights.bones());
+    let rows = weights.rows();
     for vertex in 0..weights.vertices() {
-        gather_row(weights, vertex, bone_of_column, &mut row)?;
+        gather_row(rows.of(vertex), vertex, bone_of_column, &mut row)?;
         let total: f64 = row.iter().map(|(_, weight)| weight).sum();
         if total <= 0.0 {
             return Err(InfluencesError::Unweighted { vertex }.into());
@@ -89,13 +90,14 @@ pub fn sparsify(
 
 /// The positive weights of one vertex by bone, columns of one bone added.
 fn gather_row(
-    weights: &WeightMatrix,
+    weights: &[(u32, f64)],
     vertex: usize,
     bone_of_column: &[u16],
     row: &mut Vec<(u16, f64)>,
 ) -> Result<(), InfluencesError> {
     row.clear();
-    for (weight, &bone) in weights.vertex(vertex).zip(bone_of_column) {
+    for &(column, weight) in weights {
+        let bone = bone_of_column[column as usize];
         if !weight.is_finite() || weight < -DUST {
             return Err(InfluencesError::BadWeight { vertex, weight: weight as f32 });
         }
@@ -117,7 +119,7 @@ mod tests {
     #[test]
     fn keeps_the_heaviest_and_says_what_it_dropped() {
         let columns = vec![0.5, 0.0, 0.3, 1.0, 0.2, 0.0, -1e-12, 1e-6];
-        let weights = WeightMatrix::from_columns(2, 4, columns).unwrap();
+        let weights = WeightMatrix::from_columns(2, 4, &columns).unwrap();
         let (influences, report) = sparsify(&weights, 2, &[4, 5, 6, 7], 8).unwrap();
         assert_eq!(influences.of_vertex(0).collect::<Vec<_>>(), [(4, 0.625), (5, 0.375)]);
         assert_eq!(influences.of_vertex(1).collect::<Vec<_>>(), [(5, 1.0)]);
@@ -128,7 +130,7 @@ mod tests {
 
     #[test]
     fn columns_of_one_bone_are_added() {
-        let weights = WeightMatrix::from_columns(1, 3, vec![0.25, 0.4, 0.35]).unwrap();
+        let weights = WeightMatrix::from_columns(1, 3, &[0.25, 0.4, 0.35]).unwrap();
         let (influences, report) = sparsify(&weights, 1, &[0, 1, 0], 2).unwrap();
         assert_eq!(influences.of_vertex(0).collect::<Vec<_>>(), [(0, 1.0)]);
         assert!((report.max_dropped - 0.4).abs() < 1e-12);
@@ -136,16 +138,16 @@ mod tests {
 
     #[test]
     fn nonsense_is_named() {
-        let weights = WeightMatrix::from_columns(1, 1, vec![f64::NAN]).unwrap();
+        let weights = WeightMatrix::from_columns(1, 1, &[f64::NAN]).unwrap();
         assert_eq!(sparsify(&weights, 0, &[0], 1), Err(SparsifyError::NoInfluences));
         assert_eq!(sparsify(&weights, 1, &[], 1), Err(SparsifyError::ColumnCount { columns: 1, bones: 0 }));
         assert!(matches!(
             sparsify(&weights, 1, &[0], 1),
             Err(SparsifyError::Influences(InfluencesError::BadWeight { vertex: 0, .. }))
         ));
-        let nothing = WeightMatrix::from_columns(1, 1, vec![0.0]).unwrap();
+        let nothing = WeightMatrix::from_columns(1, 1, &[0.0]).unwrap();
         assert_eq!(sparsify(&nothing, 1, &[0], 1), Err(InfluencesError::Unweighted { vertex: 0 }.into()));
-        let one = WeightMatrix::from_columns(1, 1, vec![1.0]).unwrap();
+        let one = WeightMatrix::from_columns(1, 1, &[1.0]).unwrap();
         assert!(matches!(
             sparsify(&one, 1, &[3], 2),
             Err(SparsifyError::Influences(InfluencesError::BoneOutOfRange { bone: 3, .. }))

@@ -70,7 +70,7 @@ fn posed_energy(
     let handles = weights.bones() + extra;
     let row = |vertex: usize| {
         let own = weights.vertex(vertex);
-        own.chain((0..extra).map(|k| columns.bone(k)[vertex])).collect::<Vec<f64>>()
+        own.chain((0..extra).map(|k| columns.weight(vertex, k))).collect::<Vec<f64>>()
     };
     let rows: Vec<f64> = (0..weights.vertices()).flat_map(row).collect();
     let shape = ArapShape {
@@ -121,13 +121,13 @@ fn a_hand_with_closed_fingers_finds_an_easier_shape() {
     };
     let mesh = read_medit(&mesh);
     let reference = read_npy(&reference);
-    let mut weights = WeightMatrix::from_columns(mesh.vertices.len(), reference.columns, reference.values).unwrap();
-    weights.values_mut().iter_mut().for_each(|w| *w = w.max(0.0));
+    let positive: Vec<f64> = reference.values.iter().map(|w| w.max(0.0)).collect();
+    let mut weights = WeightMatrix::from_columns(mesh.vertices.len(), reference.columns, &positive).unwrap();
     normalise(&mut weights);
     // Every handle turns about its own middle, neighbours to different sides.
     let pose: Vec<Affine3A> = (0..weights.bones())
         .map(|bone| {
-            let held = || (0..mesh.vertices.len()).filter(|&v| weights.bone(bone)[v] > 0.99);
+            let held = || (0..mesh.vertices.len()).filter(|&v| weights.weight(v, bone) > 0.99);
             let sum: Vec3 = held().map(|v| Vec3::from(mesh.vertices[v].map(|c| c as f32))).sum();
             let middle = sum / held().count().max(1) as f32;
             let turn = Quat::from_rotation_x(if bone % 2 == 0 { 0.25 } else { -0.25 });

@@ -125,7 +125,7 @@ fn a_chain_is_linear_on_each_bone_and_knows_its_sides() {
     let result = setup.solve(OtherBones::OnTheirSide);
     assert!(result.told_by_projection.iter().all(Vec::is_empty) && result.without_length.is_empty());
     for slice in 8..=16_usize {
-        assert_eq!(result.weights.bone(1)[4 * slice], (slice - 8) as f64 / 8.0, "linear on the bone itself");
+        assert_eq!(result.weights.weight(4 * slice, 1), (slice - 8) as f64 / 8.0, "linear on the bone itself");
     }
     for bone in 0..3 {
         let weights = result.weights.bone(bone);
@@ -143,10 +143,10 @@ fn a_chain_is_linear_on_each_bone_and_knows_its_sides() {
             last = weight;
         }
     }
-    assert!(setup.held[0].iter().all(|v| result.weights.bone(1)[*v] == 0.0), "what hangs on the head");
-    assert!(setup.held[2].iter().all(|v| result.weights.bone(1)[*v] == 1.0), "what hangs on the tail");
+    assert!(setup.held[0].iter().all(|v| result.weights.weight(*v, 1) == 0.0), "what hangs on the head");
+    assert!(setup.held[2].iter().all(|v| result.weights.weight(*v, 1) == 1.0), "what hangs on the tail");
     let free = setup.solve(OtherBones::Free);
-    let difference = largest_difference(free.weights.values(), result.weights.values());
+    let difference = largest_difference(&free.weights.to_columns().unwrap(), &result.weights.to_columns().unwrap());
     assert!(difference < 0.05, "a thin chain needs no telling: {difference}");
 }
 
@@ -178,17 +178,17 @@ fn a_hand_has_smooth_weights_within_bounds() {
         assert!(report.error_bound <= 2e-3 && report.largest_bound_violation == 0.0, "bone {bone}: {report:?}");
         let weights = result.weights.bone(bone);
         assert!(weights.iter().all(|e| (0.0..=1.0).contains(e)));
-        assert!(setup.held[bone].iter().all(|&v| weights[v] == projected.bone(bone)[v]), "on bone {bone}");
-        let (least, most) = ends(&setup.held[bone], weights);
+        assert!(setup.held[bone].iter().all(|&v| weights[v] == projected.weight(v, bone)), "on bone {bone}");
+        let (least, most) = ends(&setup.held[bone], &weights);
         // A fingertip has no sample at its very end.
         assert!(least < 1e-9 && most > 0.9, "bone {bone} goes from {least} to {most}");
     }
     assert!(result.told_by_projection.iter().all(Vec::is_empty), "the hand's skeleton is a tree");
     assert!(result.projected.iter().all(|count| *count == 0));
     let from_joints = setup.joint_endpoints();
-    assert!(from_joints.values().iter().all(|e| (0.0..=1.0).contains(e)));
+    assert!(from_joints.to_columns().unwrap().iter().all(|e| (0.0..=1.0).contains(e)));
     for bone in 0..setup.bones.len() {
-        let (least, most) = ends(&setup.held[bone], from_joints.bone(bone));
+        let (least, most) = ends(&setup.held[bone], &from_joints.bone(bone));
         assert!(least == 0.0 && most == 1.0, "bone {bone} goes from {least} to {most}");
     }
 }
@@ -210,14 +210,17 @@ fn motion_scale_and_direction_change_nothing() {
         mesh.vertices.iter_mut().for_each(|p| *p = place(*p));
         let bones = setup.bones.iter().map(|b| BoneSegment { head: place(b.head), tail: place(b.tail) }).collect();
         let moved = Setup::new(mesh, bones, setup.held.clone());
-        let difference = largest_difference(moved.solve(OtherBones::OnTheirSide).weights.values(), weights.values())
-            .max(largest_difference(moved.joint_endpoints().values(), joints.values()));
+        let difference = largest_difference(
+            &moved.solve(OtherBones::OnTheirSide).weights.to_columns().unwrap(),
+            &weights.to_columns().unwrap(),
+        )
+        .max(largest_difference(&moved.joint_endpoints().to_columns().unwrap(), &joints.to_columns().unwrap()));
         assert!(difference < 4e-3, "{difference} at {scale}");
     }
     let turned = setup.bones.iter().map(|b| BoneSegment { head: b.tail, tail: b.head }).collect();
     let turned = Setup::new(setup.mesh.clone(), turned, setup.held.clone()).solve(OtherBones::OnTheirSide);
-    let mirrored: Vec<f64> = turned.weights.values().iter().map(|e| 1.0 - e).collect();
-    let difference = largest_difference(&mirrored, weights.values());
+    let mirrored: Vec<f64> = turned.weights.to_columns().unwrap().iter().map(|e| 1.0 - e).collect();
+    let difference = largest_difference(&mirrored, &weights.to_columns().unwrap());
     assert!(difference < 4e-3, "{difference}");
 }
 
@@ -237,7 +240,7 @@ fn skeletons_that_do_not_tell_are_told() {
     setup.bones.push(BoneSegment { head: [12.0, 0.0, 0.0], tail: [12.0, 1.0, 1.0] });
     setup.held.push(vec![4 * 12, 4 * 12 + 3]);
     let result = setup.solve(OtherBones::OnTheirSide);
-    assert_eq!(result.weights.bone(1)[4 * 12 + 3], 0.5);
+    assert_eq!(result.weights.weight(4 * 12 + 3, 1), 0.5);
     assert!(result.told_by_projection.iter().all(Vec::is_empty));
 }
 
@@ -263,11 +266,11 @@ fn bones_without_length_and_lost_pieces_are_told() {
 
 #[test]
 fn influences_get_the_weight_of_their_bone() {
-    let endpoints = WeightMatrix::from_columns(2, 3, vec![0.0, 0.1, 0.2, 0.3, 0.4, 0.5]).unwrap();
+    let endpoints = WeightMatrix::from_columns(2, 3, &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]).unwrap();
     let influences = Influences::new(2, vec![2, 1, 0, 0], vec![0.25, 0.75, 1.0, 0.0], 3).unwrap();
     let of_slots = endpoint_weights_of_influences(&endpoints, &influences).unwrap();
     assert_eq!(of_slots, [0.2, 0.4, 0.1, 0.5]);
-    let too_few = WeightMatrix::from_columns(2, 1, vec![0.0; 2]).unwrap();
+    let too_few = WeightMatrix::from_columns(2, 1, &[0.0; 2]).unwrap();
     assert_eq!(endpoint_weights_of_influences(&too_few, &influences), None);
     assert_eq!(endpoint_weights_of_influences(&WeightMatrix::default(), &influences), None);
 }

@@ -1,0 +1,135 @@
+//! Handles that move much of a mesh, solved among all its unknowns: a guess by alternating directions with one shared
+//! factorisation, and exchanges that start from it.
+
+use rayon::prelude::*;
+
+use crate::active_set::ActiveSet;
+use crate::alternating_directions::AlternatingDirections;
+use crate::biharmonic_energy::BiharmonicEnergy;
+use crate::bounded_biharmonic::Solve;
+use crate::exchange_bounds::{Effort, End, Goal, Guess, HandleProblem};
+use crate::{BiharmonicError, BiharmonicProblem, CholeskyError};
+
+/// Handles guessed together; a constant, so that results do not depend on the number of threads.
+pub(crate) const BLOCK: usize = 5;
+
+/// The guess's stiffness ρ in units of the mean Rayleigh quotient of the unbounded weights, `Σ wᵀAw / Σ wᵀMw`.
+/// Tuned on hand.mesh.
+const STIFFNESS: f64 = 30.0;
+
+/// What these handles share.
+pub(crate) struct FarHandles<'a> {
+    active_set: &'a ActiveSet<'a>,
+    directions: AlternatingDirections<'a>,
+}
+
+/// A handle with its right-hand side and its guess.
+pub(crate) struct FarHandle {
+    handle: usize,
+    right: RightHandSide,
+    guess: Guess,
+}
+
+impl<'a> FarHandles<'a> {
+    /// Factorises for `handles` and guesses their weights, block by block.
+    pub(crate) fn guess(
+        problem: &BiharmonicProblem<'_>,
+        energy: &'a BiharmonicEnergy,
+        active_set: &'a ActiveSet<'a>,
+        handles: &[usize],
+        steps: usize,
+    ) -> Result<(Self, Vec<FarHandle>), BiharmonicError> {
+        let right: Vec<RightHandSide> =
+            handles.par_iter().map(|&handle| RightHandSide::new(problem, energy, handle)).collect();
+        let unbounded = unbounded(energy, &right)?;
+        let stiffness = STIFFNESS * rayleigh_quotient(problem, energy, handles.iter().copied().zip(&unbounded));
+        let directions = AlternatingDirections::new(&energy.hessian, &energy.mass, stiffness)?;
+        let blocks = unbounded.par_chunks(BLOCK).zip(right.par_chunks(BLOCK));
+        let guesses: Result<Vec<Vec<Guess>>, CholeskyError> =
+            blocks.map(|(unbounded, right)| guess_block(&directions, unbounded, right, steps)).collect();
+        let guessed = handles.iter().zip(right).zip(guesses?.into_iter().flatten());
+        let items = guessed.map(|((&handle, right), guess)| FarHandle { handle, right, guess }).collect();
+        Ok((Self { active_set, directions }, items))
+    }
+
+    /// Exchanges bounds until the weights are good enough or the limit is reached.
+    pub(crate) fn solve(
+        &self,
+        far: FarHandle,
+        goal: &Goal<'_>,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Solve, BiharmonicError> {
+        let FarHandle { handle, right, guess } = far;
+        let (active_set, constant) = (self.active_set, right.constant);
+        let problem = HandleProblem { handle, active_set, right: &right.values, constant, rim: &[] };
+        let renew = |weights: &mut [f64], steps| self.directions.run(&right.values, weights, steps);
+        let mut effort = Effort::default();
+        let (best, end) = problem.exchange_bounds(guess, goal, Some(&renew), &mut effort, go_on)?;
+        if best.certificate.gap.is_finite() {
+            Ok(Solve { best, places: None, effort, converged: matches!(end, End::Converged) })
+        } else {
+            Err(BiharmonicError::NotFinite { handle })
+        }
+    }
+}
+
+/// What one handle's given weights do to the unknowns.
+pub(crate) struct RightHandSide {
+    pub(crate) values: Vec<f64>,
+    /// Energy of the given weights alone.
+    constant: f64,
+}
+
+impl RightHandSide {
+    pub(crate) fn new(problem: &BiharmonicProblem<'_>, energy: &BiharmonicEnergy, handle: usize) -> Self {
+        let given = problem.given(handle);
+        Self { values: energy.right_hand_side(&given, None), constant: problem.energy(&problem.at_vertices(&given)) }
+    }
+}
+
+/// Weights without bounds, one column for every handle.
+pub(crate) fn unbounded(energy: &BiharmonicEnergy, right: &[RightHandSide]) -> Result<Vec<Vec<f64>>, CholeskyError> {
+    let solve = |block: &[RightHandSide]| {
+        let mut columns: Vec<f64> = block.iter().flat_map(|right| right.values.iter().copied()).collect();
+        energy.factor.solve_here(&mut columns)?;
+        Ok(columns.chunks(energy.len().max(1)).map(<[f64]>::to_vec).collect::<Vec<_>>())
+    };
+    if energy.len() == 0 {
+        return Ok(vec![Vec::new(); right.len()]);
+    }
+    let blocks: Result<Vec<_>, CholeskyError> = right.par_chunks(BLOCK).map(solve).collect();
+    Ok(blocks?.into_iter().flatten().collect())
+}
+
+/// `Σ wᵀAw / Σ wᵀMw` over handles, each with its unknowns' weights: the energy per mass at which weights resist.
+pub(crate) fn rayleigh_quotient<'a>(
+    problem: &BiharmonicProblem<'_>,
+    energy: &BiharmonicEnergy,
+    columns: impl Iterator<Item = (usize, &'a Vec<f64>)>,
+) -> f64 {
+    let (mut energies, mut masses) = (0.0, 0.0);
+    for (handle, column) in columns {
+        let weights = problem.whole(energy, handle, None, column);
+        energies += 2.0 * problem.energy(&weights);
+        masses += weights.iter().map(|&(vertex, w)| w * w * problem.mass[vertex]).sum::<f64>();
+    }
+    // Where one handle holds everything there is no energy, and any stiffness will do.
+    let quotient = energies / masses;
+    if quotient.is_normal() { quotient } else { f64::MIN_POSITIVE }
+}
+
+/// A first guess for a few handles at once.
+fn guess_block(
+    directions: &AlternatingDirections<'_>,
+    unbounded: &[Vec<f64>],
+    right: &[RightHandSide],
+    steps: usize,
+) -> Result<Vec<Guess>, CholeskyError> {
+    let n = unbounded[0].len();
+    let mut weights: Vec<f64> = unbounded.iter().flatten().map(|w| w.clamp(0.0, 1.0)).collect();
+    let right: Vec<f64> = right.iter().flat_map(|right| right.values.iter().copied()).collect();
+    let held = if n == 0 { Vec::new() } else { directions.run(&right, &mut weights, steps)? };
+    let start =
+        |k: usize| Guess { weights: weights[k * n..(k + 1) * n].to_vec(), held: held[k * n..(k + 1) * n].to_vec() };
+    Ok((0..unbounded.len()).map(start).collect())
+}
