@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn differences_count_where_a_weight_does() {
-        let matrix = |values: [f64; 4]| WeightMatrix::from_columns(2, 2, &values.to_vec()).unwrap();
+        let matrix = |values: [f64; 4]| WeightMatrix::from_columns(2, 2, &values).unwrap();
         let (mean, most) = difference(&matrix([0.5, 0.001, 0.2, 0.0]), &matrix([0.4, 0.002, 0.0, 0.0]));
         assert!((mean - 0.15).abs() < 1e-12 && (most - 0.2).abs() < 1e-12, "{mean} {most}");
     }

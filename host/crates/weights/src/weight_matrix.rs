@@ -129,6 +129,12 @@ impl WeightMatrix {
         }
     }
 
+    /// The weights of one bone that are not zero, by ascending vertices; `None` if there is no such bone.
+    pub(crate) fn column_mut(&mut self, bone: usize) -> Option<&mut [f64]> {
+        let range = *self.starts.get(bone)?..*self.starts.get(bone + 1)?;
+        self.values.get_mut(range)
+    }
+
     /// Puts weights over those there are: for each bone by ascending vertices. `None` if a vertex is not there.
     pub(crate) fn overlay(&self, over: &[Vec<(usize, f64)>]) -> Option<Self> {
         let column = |(bone, over): (usize, &Vec<(usize, f64)>)| {
