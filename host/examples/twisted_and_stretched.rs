@@ -29,6 +29,8 @@ const TILE: [u32; 2] = [360, 200];
 const FINER: u32 = 2;
 
 type Vectors = Vec<[f32; 3]>;
+/// Writes posed positions and normals.
+type Way<'a> = &'a mut dyn FnMut(&mut Vectors, &mut Vectors) -> Result<(), SkinError>;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("host/assets"), PathBuf::from);
@@ -125,7 +127,7 @@ impl Rig {
         let blend = BoneBlend::DualQuaternion;
         let mut twist =
             StretchTwistSkin::precompute(&rest, normals, &self.influences, &self.ends, &self.segments, blend)?;
-        let ways: [&mut dyn FnMut(&mut Vectors, &mut Vectors) -> Result<(), SkinError>; 3] = [
+        let ways: [Way; 3] = [
             &mut |positions, normals| linear.solve(&frames, positions, normals),
             &mut |positions, normals| dual.solve(&frames, positions, normals),
             &mut |positions, normals| twist.solve(pose, positions, normals),
