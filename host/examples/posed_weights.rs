@@ -9,16 +9,18 @@ use armature::failure::Failure;
 use armature::pictures::draw_scene;
 use armature::slice::text::{Hold, draw_text};
 use armature::{files, inputs};
-use armature_character::{BiharmonicTier, BindMethod, BindSettings, Character, bind, human};
+use armature_character::{BiharmonicTier, BindError, BindMethod, BindSettings, Character, bind, hand, human, spider};
 use armature_formats::Model;
 use armature_render::{Bounds, Camera, Ground, MeshView, Picture, Scene};
 use armature_rig::Skeleton;
 use glam::{Affine3A, Quat, Vec3};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
-use tiny_skia::{Paint, Pixmap, PremultipliedColorU8};
+use tiny_skia::{Color, Paint, Pixmap};
 
 const SIDE: u32 = 360;
+/// Height of the words.
+const STRIP: u32 = 32;
 
 /// A pose, and where to look.
 struct Shot {
@@ -45,7 +47,7 @@ const HUMAN: [Shot; 3] = [
         file: "posed-arm.png",
         turns: &[("LeftShoulder", Vec3::Z, 20.0), ("LeftUpperArm", Vec3::Z, 55.0)],
         around: &["Chest", "Neck", "LeftUpperArm"],
-        wider: 0.75,
+        wider: 0.95,
         yaw: 0.25,
         pitch: 0.05,
     },
@@ -59,12 +61,42 @@ const HUMAN: [Shot; 3] = [
     },
 ];
 
+const SPIDER: [Shot; 1] = [Shot {
+    file: "posed-spider.png",
+    turns: &[
+        ("LeftLeg1Femur", Vec3::Z, 50.0),
+        ("LeftLeg1Tibia", Vec3::Z, -75.0),
+        ("LeftLeg2Femur", Vec3::Z, -35.0),
+        ("Abdomen", Vec3::X, 35.0),
+    ],
+    around: &["Body", "Abdomen", "LeftLeg1Tibia", "LeftLeg2Tibia"],
+    wider: 0.1,
+    yaw: 0.5,
+    pitch: 0.45,
+}];
+
+const HAND: [Shot; 1] = [Shot {
+    file: "posed-hand.png",
+    turns: &[
+        ("LeftIndexProximal", Vec3::X, 80.0),
+        ("LeftIndexIntermediate", Vec3::X, 80.0),
+        ("LeftMiddleProximal", Vec3::X, 60.0),
+        ("LeftMiddleIntermediate", Vec3::X, 40.0),
+        ("LeftLittleProximal", Vec3::X, -20.0),
+        ("LeftHand", Vec3::X, 35.0),
+    ],
+    around: &["LeftLowerArm", "LeftHand", "LeftIndexProximal", "LeftLittleProximal"],
+    wider: 0.2,
+    yaw: -0.9,
+    pitch: 0.15,
+}];
+
 const ELEPHANT: [Shot; 2] = [
     Shot {
         file: "posed-elephant-leg.png",
         turns: &[("bone_16", Vec3::X, -75.0), ("bone_17", Vec3::X, 45.0)],
         around: &["bone_1", "bone_15", "bone_16", "bone_17"],
-        wider: 1.2,
+        wider: 1.3,
         yaw: 0.75,
         pitch: 0.1,
     },
@@ -72,42 +104,54 @@ const ELEPHANT: [Shot; 2] = [
         file: "posed-elephant-arm.png",
         turns: &[("bone_7", Vec3::Z, 15.0), ("bone_8", Vec3::Z, 60.0)],
         around: &["bone_3", "bone_7", "bone_8", "bone_10"],
-        wider: 0.9,
+        wider: 1.3,
         yaw: 0.3,
         pitch: 0.1,
     },
 ];
 
+type MakesCharacter = fn() -> Result<Character, BindError>;
+
 fn main() -> Result<(), Failure> {
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let folder = arguments.first().cloned().unwrap_or_else(|| "host/assets".into());
-    let own = human().map_err(|e| Failure::not_converged(e.to_string(), ""))?;
-    let model = Model {
-        name: own.name.clone(),
-        mesh: own.mesh.clone(),
-        normals: Some(own.normals.clone()),
-        base_color: Some(own.base_color),
-        ..Model::default()
-    };
-    draw_all(&folder, &model, &own.skeleton, &HUMAN)?;
+    let made: [(MakesCharacter, &[Shot]); 3] = [(human, &HUMAN), (spider, &SPIDER), (hand, &HAND)];
+    for (make, shots) in made {
+        let start = std::time::Instant::now();
+        let own = make().map_err(|e| Failure::not_converged(e.to_string(), ""))?;
+        let seconds = start.elapsed().as_secs_f64();
+        println!("{}: shaped, and bound by bone heat, in {seconds:.2} s", own.name);
+        let model = Model {
+            name: own.name.clone(),
+            mesh: own.mesh.clone(),
+            normals: Some(own.normals.clone()),
+            base_color: Some(own.base_color),
+            ..Model::default()
+        };
+        let start = std::time::Instant::now();
+        let biharmonic = bound(&model, &own.skeleton, BindMethod::Biharmonic(BiharmonicTier::Interactive))?;
+        println!("{}: bounded biharmonic weights in {:.2} s", own.name, start.elapsed().as_secs_f64());
+        draw_all(&folder, &biharmonic, &own, shots)?;
+    }
     if let [_, mesh, bones] = arguments.as_slice() {
-        draw_all(&folder, &inputs::model(mesh)?, &inputs::skeleton(bones)?, &ELEPHANT)?;
+        let (model, skeleton) = (inputs::model(mesh)?, inputs::skeleton(bones)?);
+        let biharmonic = bound(&model, &skeleton, BindMethod::Biharmonic(BiharmonicTier::Interactive))?;
+        let heat = bound(&model, &skeleton, BindMethod::BoneHeat)?;
+        draw_all(&folder, &biharmonic, &heat, &ELEPHANT)?;
     }
     Ok(())
 }
 
-fn draw_all(folder: &Path, model: &Model, skeleton: &Skeleton, shots: &[Shot]) -> Result<(), Failure> {
-    let bound = |method| {
-        let settings = BindSettings { method, ..BindSettings::default() };
-        let go_on = &mut |_| ControlFlow::Continue(());
-        bind(model.clone(), Some(skeleton.clone()), &settings, go_on)
-            .map_err(|e| Failure::not_converged(format!("{}: {e}", model.name), ""))
-    };
-    let biharmonic = bound(BindMethod::Biharmonic(BiharmonicTier::Interactive))?;
-    let heat = bound(BindMethod::BoneHeat)?;
+fn bound(model: &Model, skeleton: &Skeleton, method: BindMethod) -> Result<Character, Failure> {
+    let settings = BindSettings { method, ..BindSettings::default() };
+    bind(model.clone(), Some(skeleton.clone()), &settings, &mut |_| ControlFlow::Continue(()))
+        .map_err(|e| Failure::not_converged(format!("{}: {e}", model.name), ""))
+}
+
+fn draw_all(folder: &Path, biharmonic: &Character, heat: &Character, shots: &[Shot]) -> Result<(), Failure> {
     for shot in shots {
-        let left = draw(&biharmonic, shot, "bounded biharmonic weights")?;
-        let right = draw(&heat, shot, "bone heat")?;
+        let left = draw(biharmonic, shot, "bounded biharmonic weights")?;
+        let right = draw(heat, shot, "bone heat")?;
         let path = folder.join(shot.file);
         files::write(&path, &small_png(&beside(&left, &right))?)?;
         println!("{}", path.display());
@@ -161,15 +205,16 @@ fn draw(character: &Character, shot: &Shot, words: &str) -> Result<Picture, Fail
     Ok(picture)
 }
 
+/// Puts a strip with words on top of a picture.
 fn label(picture: &mut Picture, words: &str) {
-    let Some(mut pixmap) = Pixmap::new(picture.width, picture.height) else { return };
-    for (pixel, rgba) in pixmap.pixels_mut().iter_mut().zip(picture.rgba.chunks_exact(4)) {
-        *pixel = PremultipliedColorU8::from_rgba(rgba[0], rgba[1], rgba[2], 255).unwrap_or(*pixel);
-    }
+    let Some(mut strip) = Pixmap::new(picture.width, STRIP) else { return };
+    strip.fill(Color::from_rgba8(0x16, 0x19, 0x1f, 255));
     let mut ink = Paint::default();
     ink.set_color_rgba8(0xe9, 0xec, 0xf0, 255);
-    draw_text(&mut pixmap.as_mut(), words, [12.0, 24.0], 15.0, Hold::Left, &ink);
-    picture.rgba = pixmap.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue(), 255]).collect();
+    draw_text(&mut strip.as_mut(), words, [12.0, 22.0], 15.0, Hold::Left, &ink);
+    let above = strip.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue(), 255]);
+    picture.rgba = above.chain(picture.rgba.iter().copied()).collect();
+    picture.height += STRIP;
 }
 
 /// A PNG as small as can be, without the opacity.

@@ -194,7 +194,7 @@ fn weights(
     let on = WeightsOn::Volume { vertices: 20_000 };
     let settings = HandleWeightsSettings { tier: BiharmonicTier::Interactive, on, partition };
     let go_on = &mut |_, _| ControlFlow::Continue(());
-    Ok(handle_weights(&character.mesh, None, Held::Shapes(&shapes), &settings, go_on)?.weights)
+    Ok(handle_weights(&character.mesh, None, Held::Shapes { shapes: &shapes, cage: &[] }, &settings, go_on)?.weights)
 }
 
 fn one_above_the_other(tiles: &[Picture]) -> Picture {

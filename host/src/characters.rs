@@ -173,7 +173,9 @@ pub fn weights_failure(mesh: &Path, error: &HandleWeightsError) -> Failure {
         }
         E::Volume(error) => make_failure(error, mesh),
         E::Cancelled { .. } | E::BoundaryElsewhere => Failure::usage(what, ""),
-        E::NothingHeld { .. } | E::Handles(_) => Failure::input(what, "correct the handles"),
+        E::NothingHeld { .. } | E::Handles(_) | E::CageEdge { .. } | E::CagePoint { .. } | E::CageCrossed { .. } => {
+            Failure::input(what, "correct the handles")
+        }
         E::Biharmonic(BiharmonicError::Factorisation(_) | BiharmonicError::NotFinite { .. }) => Failure::not_converged(
             what,
             format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()),

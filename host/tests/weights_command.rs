@@ -179,3 +179,61 @@ fn the_elephant_is_bound() {
         assert!(own > 0.9, "{p:?} follows its arm by {own}");
     }
 }
+
+/// The tube's tetrahedra, squashed to this part of their breadth.
+fn squashed(place: &Place, share: f64) -> String {
+    place.done(&["volume", "tube.obj", "--skeleton", "bones.tgf", "--vertices", "300", "-o", "tube.mesh"]);
+    let text = String::from_utf8(place.read("tube.mesh")).unwrap();
+    let mut left = 0;
+    let line = |line: &str| -> String {
+        let mut words: Vec<String> = line.split_whitespace().map(str::to_owned).collect();
+        if left > 0 && words.len() == 4 {
+            left -= 1;
+            words[0] = (words[0].parse::<f64>().unwrap() * share).to_string();
+        }
+        if line.trim() == "Vertices" {
+            left = usize::MAX;
+        } else if left == usize::MAX {
+            left = words[0].parse().unwrap();
+        }
+        words.join(" ")
+    };
+    text.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn weights_that_do_not_converge_have_their_code_and_are_written_as_they_are() {
+    let place = tube("weights-slivers");
+    place.write("slivers.mesh", squashed(&place, 1e-3));
+    let exact = ["weights", "slivers.mesh", "--handles", "bones.tgf", "--method", "bbw-exact", "-o", "w.npy"];
+    let ran = place.fails(5, "did not converge; the best found were written", &exact);
+    assert!(ran.out.contains("limit reached"), "{ran:?}");
+    let table = read_npy(&place.read("w.npy")).unwrap();
+    assert!(table.columns == 2 && table.values.iter().all(|w| (0.0..=1.0).contains(w)));
+}
+
+#[test]
+fn cages_are_read_from_their_edges() {
+    let place = tube("weights-cages");
+    let cage = "1 0 0.1 0\n2 0 0.9 0\n3 0 1.4 0\n4 0 1.9 0\n#\n1 2 0 0 1\n3 4 1 0 0\n1 2 0 1 0\n";
+    place.write("cage.tgf", cage);
+    place.write("faces.tgf", format!("{cage}#\n1 2 3\n"));
+    place.write("joint.tgf", cage.replacen("1 2 0 0 1", "1 3 0 0 1", 1));
+    place.write("loop.tgf", cage.replacen("1 2 0 0 1", "1 1 0 0 1", 1));
+    let with = |handles| ["weights", "tube.obj", "--vertices", "600", "--handles", handles];
+    let told = json(&place.done(&[&with("cage.tgf")[..], &["--json", "-o", "w.npy"]].concat()).out);
+    let names: Vec<&str> = told["handles"].as_array().unwrap().iter().map(|h| h["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["point_1", "point_2", "bone_1"]);
+    let apart = |path: &str| {
+        let [a, b] = ["w.npy", path].map(|file| read_npy(&place.read(file)).unwrap().values);
+        a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    place.write("points.tgf", cage.replacen("1 2 0 0 1", "", 1));
+    place.done(&[&with("points.tgf")[..], &["-o", "points.npy"]].concat());
+    assert!(apart("points.npy") > 0.02, "an edge changes the weights");
+    let ran = place.done(&[&with("faces.tgf")[..], &["-o", "faces.npy"]].concat());
+    assert!(ran.err.contains("what follows its second # is not read") && apart("faces.npy") < 1e-12, "{ran:?}");
+    place.fails(3, "node 3 belongs to a bone and to a cage", &with("joint.tgf"));
+    place.fails(3, "edge 1 of the cage does not join two", &with("loop.tgf"));
+    place.fails(2, "no cages", &[&with("cage.tgf")[..], &["--method", "heat"]].concat());
+}

@@ -21,6 +21,7 @@ mod volume;
 mod volume_growth;
 mod weight_convergence;
 mod weight_growth;
+mod weight_partition;
 mod weights;
 mod winding;
 
@@ -118,6 +119,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: bind::NAMES, run: bind::run },
     Benchmark { names: weight_convergence::NAMES, run: weight_convergence::run },
     Benchmark { names: weight_growth::NAMES, run: weight_growth::run },
+    Benchmark { names: weight_partition::NAMES, run: weight_partition::run },
     Benchmark { names: stream::NAMES, run: stream::run },
     Benchmark { names: device::NAMES, run: device::run },
 ];

@@ -4,24 +4,23 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{
-    Lumping, Resolution, TriangleMesh, Volume, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra,
+use armature_character::{
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition,
+    WEIGHT_VOLUME_VERTICES, WeightsOn, handle_weights,
 };
-use armature_weights::{
-    BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, FREE_NEAR_JOINTS, Handle, HandleKind, WeightMatrix,
-    bounded_biharmonic_weights, free_joints, handle_boundary, normalise,
-};
+use armature_geometry::TriangleMesh;
+use armature_rig::Skeleton;
+use armature_weights::WeightMatrix;
 use plotters::prelude::*;
 
-use super::volume::volume_of;
 use super::{Measurement, shared_file};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
 use crate::volumes::Handles;
-use crate::{files, inputs};
+use crate::{characters, files, inputs};
 
 /// For each model the mean and the largest difference, where a weight is above [`COUNTS`], of the weights in a volume
-/// of [`DEFAULT_VERTICES`] to those in the finest.
+/// of [`WEIGHT_VOLUME_VERTICES`] to those in the finest.
 pub(super) const NAMES: &[&str] = &[
     "weights/convergence-armadillo",
     "weights/convergence-armadillo-most",
@@ -38,7 +37,6 @@ const MODELS: [(&str, &str, &str); 3] = [
 ];
 /// Vertices of the embedded volume, about; the last is what the others are held against.
 const SIZES: [usize; 5] = [1_250, 2_500, 5_000, 10_000, 20_000];
-const DEFAULT_VERTICES: usize = 10_000;
 /// Weights below this on both sides do not count, so that empty regions do not flatter the mean.
 const COUNTS: f64 = 0.01;
 const PLOT_SIZE: (u32, u32) = (960, 480);
@@ -60,9 +58,9 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
             continue;
         };
         let mesh = inputs::model(&model)?.mesh;
-        let handles = Handles::of_skeleton(&inputs::skeleton(&skeleton)?);
-        let samples = refine(&mesh, &handles, &model)?;
-        let at_default = SIZES.iter().position(|&size| size == DEFAULT_VERTICES).and_then(|k| samples[k].error);
+        let shapes = shapes_of(&inputs::skeleton(&skeleton)?);
+        let samples = refine(&mesh, &shapes, &model)?;
+        let at_default = SIZES.iter().position(|&size| size == WEIGHT_VOLUME_VERTICES).and_then(|k| samples[k].error);
         if let Some((mean, most)) = at_default {
             measurements.push(Measurement::new(names[0], mean, "mean |Δw|", 1));
             measurements.push(Measurement::new(names[1], most, "max |Δw|", 1));
@@ -76,65 +74,42 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     Ok(measurements)
 }
 
-fn refine(mesh: &TriangleMesh, handles: &Handles, path: &Path) -> Result<Vec<Sample>, Failure> {
-    let mut found = Vec::new();
+fn refine(mesh: &TriangleMesh, shapes: &[HandleShape], path: &Path) -> Result<Vec<Sample>, Failure> {
+    let mut found: Vec<(HandleWeights, f64)> = Vec::new();
     for vertices in SIZES {
         let start = Instant::now();
-        let volume = volume_of(mesh, handles, Resolution::Embedded { vertices }, path)?;
-        let weights = on_surface(&volume, path)?;
-        let seconds = start.elapsed().as_secs_f64();
-        eprintln!("{}: {} vertices in {seconds:.2} s", path.display(), volume.mesh.vertices.len());
-        found.push((volume.mesh.vertices.len(), seconds, weights));
-    }
-    let finest = found.last().map(|(_, _, weights)| weights.clone()).unwrap_or_default();
-    let last = found.len() - 1;
-    let sample = |(index, (vertices, seconds, weights)): (usize, (usize, f64, WeightMatrix))| {
-        let error = (index < last).then(|| difference(&weights, &finest));
-        if let Some((mean, most)) = error {
-            eprintln!("{}: {vertices} vertices: mean {mean:.4}, largest {most:.3}", path.display());
+        let settings = HandleWeightsSettings {
+            tier: BiharmonicTier::Interactive,
+            on: WeightsOn::Volume { vertices },
+            partition: Partition::Normalised,
+        };
+        let held = Held::Shapes { shapes, cage: &[] };
+        let made = handle_weights(mesh, None, held, &settings, &mut |_, _| ControlFlow::Continue(()))
+            .map_err(|e| characters::weights_failure(path, &e))?;
+        if made.unconverged() > 0 {
+            return Err(Failure::not_converged(format!("{}: the weights did not converge", path.display()), ""));
         }
-        Sample { vertices, seconds, error }
+        let seconds = start.elapsed().as_secs_f64();
+        eprintln!("{}: {} vertices in {seconds:.2} s", path.display(), made.domain_vertices);
+        found.push((made, seconds));
+    }
+    let finest = found.last().map(|(made, _)| made.weights.clone()).unwrap_or_default();
+    let last = found.len() - 1;
+    let sample = |(index, (made, seconds)): (usize, &(HandleWeights, f64))| {
+        let error = (index < last).then(|| difference(&made.weights, &finest));
+        if let Some((mean, most)) = error {
+            eprintln!("{}: {} vertices: mean {mean:.4}, largest {most:.3}", path.display(), made.domain_vertices);
+        }
+        Sample { vertices: made.domain_vertices, seconds: *seconds, error }
     };
-    Ok(found.into_iter().enumerate().map(sample).collect())
+    Ok(found.iter().enumerate().map(sample).collect())
 }
 
-/// Normalised bounded biharmonic weights of the bones at the surface's vertices.
-fn on_surface(volume: &Volume, path: &Path) -> Result<WeightMatrix, Failure> {
-    let failed = |what: String| Failure::not_converged(format!("{}: {what}", path.display()), "");
-    let bone = |run: &Vec<u32>| Handle {
-        kind: HandleKind::Bone,
-        vertices: run.iter().map(|&vertex| vertex as usize).collect(),
-    };
-    let mut handles: Vec<Handle> = volume.segment_vertices.iter().map(bone).collect();
-    free_joints(&volume.mesh.vertices, &mut handles, FREE_NEAR_JOINTS);
-    let boundary = handle_boundary(&volume.mesh.vertices, &handles, &[]).map_err(|e| failed(e.to_string()))?;
-    let laplacian = cotangent_laplacian_tetrahedra(&volume.mesh).map_err(|e| failed(e.to_string()))?.matrix;
-    let mass = lumped_mass_tetrahedra(&volume.mesh, Lumping::Barycentric).map_err(|e| failed(e.to_string()))?;
-    let problem = BiharmonicProblem {
-        laplacian: &laplacian,
-        mass: &mass,
-        fixed: &boundary.fixed,
-        fixed_weights: &boundary.fixed_weights,
-        handles: boundary.handles,
-        shape_preservation: None,
-    };
-    let settings = BiharmonicSettings::interactive();
-    let mut solved = bounded_biharmonic_weights(&problem, &settings, &mut |_| ControlFlow::Continue(()))
-        .map_err(|e| failed(e.to_string()))?;
-    if solved.reports.iter().any(|report| report.outcome != BiharmonicOutcome::Converged) {
-        return Err(failed("the weights did not converge".into()));
-    }
-    normalise(&mut solved.weights);
-    let (at, of) = (&volume.surface, &solved.weights);
-    let columns = (0..of.bones()).map(|bone| {
-        let column = of.bone(bone);
-        let inside = at.tetrahedra.iter().zip(&at.barycentric).map(move |(&t, b)| {
-            let corners = volume.mesh.tetrahedra[t as usize];
-            (0..4).map(|k| b[k] * column[corners[k] as usize]).sum::<f64>()
-        });
-        inside.enumerate()
-    });
-    WeightMatrix::from_sparse_columns(at.tetrahedra.len(), columns).ok_or_else(|| failed("too many weights".into()))
+/// The bones with a length.
+pub(super) fn shapes_of(skeleton: &Skeleton) -> Vec<HandleShape> {
+    let bones = Handles::of_skeleton(skeleton);
+    let shape = |(name, ends)| HandleShape { name, place: HandlePlace::Segments(vec![ends]) };
+    bones.names.into_iter().zip(bones.segments).map(shape).collect()
 }
 
 /// Mean and largest difference where either weight counts.

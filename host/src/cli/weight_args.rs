@@ -2,13 +2,10 @@
 
 use std::path::PathBuf;
 
-use armature_character::{BiharmonicTier, BindMethod, Partition, WeightsOn};
+use armature_character::{BiharmonicTier, BindMethod, Partition, WEIGHT_VOLUME_VERTICES, WeightsOn};
 use clap::{ArgGroup, Args, ValueEnum};
 
 use super::args::volume_vertices;
-
-/// About so many vertices has the volume that weights are computed on, unless told otherwise.
-const VERTICES: usize = 10_000;
 
 /// How weights are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -86,7 +83,7 @@ pub struct DomainArgs {
     /// `armature weights` its own tetrahedra
     #[arg(long, value_enum)]
     pub on: Option<On>,
-    /// About how many vertices the volume has (10000 unless told otherwise)
+    /// About how many vertices the volume has (5000 unless told otherwise)
     #[arg(long, value_parser = volume_vertices)]
     pub vertices: Option<usize>,
 }
@@ -94,7 +91,7 @@ pub struct DomainArgs {
 impl DomainArgs {
     /// As the solver is told; `otherwise` where nothing was asked for.
     pub fn weights_on(&self, otherwise: WeightsOn) -> WeightsOn {
-        let volume = WeightsOn::Volume { vertices: self.vertices.unwrap_or(VERTICES) };
+        let volume = WeightsOn::Volume { vertices: self.vertices.unwrap_or(WEIGHT_VOLUME_VERTICES) };
         match (self.on, self.vertices) {
             (Some(On::Surface), _) => WeightsOn::Surface,
             (Some(On::Volume), _) | (None, Some(_)) => volume,
@@ -104,7 +101,7 @@ impl DomainArgs {
 
     /// For a mesh that is to be filled unless told otherwise.
     pub fn volume_or_asked(&self) -> WeightsOn {
-        self.weights_on(WeightsOn::Volume { vertices: VERTICES })
+        self.weights_on(WeightsOn::Volume { vertices: WEIGHT_VOLUME_VERTICES })
     }
 }
 
@@ -154,8 +151,10 @@ pub struct BindArgs {
 }
 
 const WEIGHTS_HELP: &str = "\
-Handles come from a TGF file: nodes that no edge touches are points, edges are bones; columns of the result are the points \
-in the order of the file, then the bones. Rows are the vertices of the mesh: all of them, in the order of the file. A \
+Handles come from a TGF file: edges are bones, or with the columns \"0 0 1\" behind their ends (as libigl reads them) edges \
+of a cage, open or closed, along which weights are linear; nodes that no bone touches are points. Columns of the result are \
+the points in the order of the file, then the bones. Bones let go of the shape over a quarter of their length at joints they \
+share, so that weights do not depend on how fine the volume is. Rows are the vertices of the mesh: all of them, in the order of the file. A \
 tetrahedral .mesh is used as it is, any other mesh is filled with tetrahedra first. For each handle the report says the \
 energy, how far a weight leaves 0 to 1, the largest multiplier of the wrong sign, how many active sets were tried, how far \
 a weight can be from the optimal one, and whether it converged; if one did not, the exit code is 5.
@@ -171,7 +170,7 @@ a weight can be from the optimal one, and whether it converged; if one did not, 
 pub struct WeightsArgs {
     /// The mesh (obj, ply, stl, off, gltf, glb, mesh)
     pub mesh: PathBuf,
-    /// Bones and points
+    /// Bones, points and cages
     #[arg(long, value_name = "TGF")]
     pub handles: Option<PathBuf>,
     /// Fixed vertices of the mesh and their weights, as the boundary conditions of libigl

@@ -24,7 +24,7 @@ pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
     let start = std::time::Instant::now();
     let bar = Bar::new(talk, "reading the mesh").until_interrupted();
     let model = inputs::model(&args.mesh)?;
-    let held = OwnedHeld::read(args, &model)?;
+    let held = OwnedHeld::read(args, &model, talk)?;
     let names = held.names();
     let of = args.picture_of.as_deref().map(|name| handle_of(name, &names)).transpose()?.flatten();
     let made = compute(args, &model, &held, &mut bar.stages())?;
@@ -77,41 +77,44 @@ fn writer(path: &Path) -> Result<Writer, Failure> {
 
 /// What is held, read from files.
 enum OwnedHeld {
-    Shapes(Vec<HandleShape>),
+    Shapes { shapes: Vec<HandleShape>, cage: Vec<[usize; 2]> },
     Boundary(HandleBoundary),
 }
 
 impl OwnedHeld {
-    fn read(args: &WeightsArgs, model: &Model) -> Result<Self, Failure> {
+    fn read(args: &WeightsArgs, model: &Model, talk: Talk) -> Result<Self, Failure> {
         match (&args.boundary, &args.handles) {
             (Some(files), _) => match files.as_slice() {
                 [fixed, given] => read_boundary(fixed, given, model).map(Self::Boundary),
                 _ => Err(Failure::usage("--boundary takes two files", "give --boundary b.npy bc.npy")),
             },
-            (None, Some(path)) => read_handles(path).map(Self::Shapes),
+            (None, Some(path)) => read_handles(path, talk),
             (None, None) => Err(Failure::usage("there are no handles", "give --handles HANDLES.tgf")),
         }
     }
 
     fn names(&self) -> Vec<String> {
         match self {
-            Self::Shapes(shapes) => shapes.iter().map(|shape| shape.name.clone()).collect(),
+            Self::Shapes { shapes, .. } => shapes.iter().map(|shape| shape.name.clone()).collect(),
             Self::Boundary(boundary) => (1..=boundary.handles).map(|handle| format!("handle_{handle}")).collect(),
         }
     }
 }
 
-/// Points that no edge touches, then edges as bones.
-fn read_handles(path: &Path) -> Result<Vec<HandleShape>, Failure> {
+/// Points that no bone touches, then bones; and edges of cages between points.
+fn read_handles(path: &Path, talk: Talk) -> Result<OwnedHeld, Failure> {
     let file = path.display().to_string();
     if files::extension_of(path) != "tgf" {
         return Err(Failure::usage(format!("{file} is no TGF file"), "handles are read from .tgf"));
     }
     let graph = armature_formats::read_tgf(&files::read(path)?).map_err(|e| e.in_file(&file))?;
+    if graph.unread_lines > 0 && !talk.quiet {
+        eprintln!("note: {file}: what follows its second # is not read; cages are given by their edges");
+    }
     let mut touched = vec![false; graph.points.len()];
     graph.edges.iter().flatten().for_each(|&point| touched[point] = true);
-    let alone = (0..graph.points.len()).filter(|&point| !touched[point]);
-    let points = alone.map(|point| HandleShape {
+    let alone: Vec<usize> = (0..graph.points.len()).filter(|&point| !touched[point]).collect();
+    let points = alone.iter().map(|&point| HandleShape {
         name: format!("point_{}", point + 1),
         place: HandlePlace::Point(graph.points[point]),
     });
@@ -122,7 +125,15 @@ fn read_handles(path: &Path) -> Result<Vec<HandleShape>, Failure> {
         let place = if is_short { HandlePlace::Point(head) } else { HandlePlace::Segments(vec![[head, tail]]) };
         HandleShape { name: format!("bone_{}", edge + 1), place }
     });
-    Ok(points.chain(bones).collect())
+    let handle_of = |point: usize| {
+        alone.binary_search(&point).map_err(|_| {
+            let what = format!("{file}: node {} belongs to a bone and to a cage", point + 1);
+            Failure::input(what, "give the cage nodes of its own; a bone's ends move with it")
+        })
+    };
+    let edge = |&[a, b]: &[usize; 2]| Ok([handle_of(a)?, handle_of(b)?]);
+    let cage = graph.cage_edges.iter().map(edge).collect::<Result<_, Failure>>()?;
+    Ok(OwnedHeld::Shapes { shapes: points.chain(bones).collect(), cage })
 }
 
 fn read_table(path: &Path) -> Result<NumberTable, Failure> {
@@ -187,7 +198,7 @@ fn compute(
     let own = model.tetrahedra.is_some() || matches!(held, OwnedHeld::Boundary(_));
     let on = if own { args.domain.weights_on(WeightsOn::OwnElements) } else { args.domain.volume_or_asked() };
     let held = match held {
-        OwnedHeld::Shapes(shapes) => Held::Shapes(shapes),
+        OwnedHeld::Shapes { shapes, cage } => Held::Shapes { shapes, cage },
         OwnedHeld::Boundary(_) if on != WeightsOn::OwnElements => {
             return Err(Failure::usage(
                 "--boundary fixes vertices of the mesh itself, so its own elements are used",
@@ -208,12 +219,15 @@ fn compute_heat(
     held: &OwnedHeld,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<BoneHeat, Failure> {
-    let OwnedHeld::Shapes(shapes) = held else {
+    let OwnedHeld::Shapes { shapes, cage } = held else {
         return Err(Failure::usage(
             "bone heat takes bones and points, no fixed vertices",
             "give --handles HANDLES.tgf",
         ));
     };
+    if !cage.is_empty() {
+        return Err(Failure::usage("bone heat takes bones and points, no cages", "leave out --method heat"));
+    }
     let bone = |shape: &HandleShape| match &shape.place {
         HandlePlace::Segments(all) => all.iter().map(|&[head, tail]| BoneSegment { head, tail }).collect(),
         HandlePlace::Point(point) => vec![BoneSegment { head: *point, tail: *point }],

@@ -125,7 +125,7 @@ fn biharmonic_weights(
     };
     let shapes: Vec<HandleShape> = bones.bones.iter().zip(&bones.segments).map(shape).collect();
     let how = HandleWeightsSettings { tier, on: settings.on, partition: Partition::Normalised };
-    let made = handle_weights(mesh, None, Held::Shapes(&shapes), &how, &mut |stage, done| {
+    let made = handle_weights(mesh, None, Held::Shapes { shapes: &shapes, cage: &[] }, &how, &mut |stage, done| {
         progress(BindProgress { stage, done: 0.02 + 0.92 * done.clamp(0.0, 1.0) })
     })?;
     let (influences, sparse) = sparsify(&made.weights, settings.max_influences, &bones.bones, bones.skeleton.len())?;

@@ -20,7 +20,7 @@ use crate::cache_record::{read_provenance, write_provenance};
 /// File name extension, without the dot.
 pub const CACHE_EXTENSION: &str = "armature";
 /// Raised with every change of the layout or of what binding computes from the same input.
-pub(crate) const FORMAT_VERSION: u32 = 2;
+pub(crate) const FORMAT_VERSION: u32 = 3;
 /// The oldest layout that is still read: it knew bone heat alone.
 const OLDEST_VERSION: u32 = 1;
 

@@ -6,13 +6,14 @@ use std::ops::ControlFlow;
 use armature_geometry::{MeshError, TetrahedralMesh, TriangleMesh, VolumeError};
 use armature_weights::{
     BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, ExactPartitionReport,
-    ExactPartitionSettings, Handle, HandleBoundary, HandleError, HandleKind, HandleReport, Normalisation, Progress,
-    WeightMatrix, bounded_biharmonic_weights, exact_partition_weights, follow_nearest_handle, handle_boundary,
-    normalise,
+    ExactPartitionSettings, FREE_NEAR_JOINTS, Handle, HandleBoundary, HandleError, HandleKind, HandleReport,
+    Normalisation, Progress, WeightMatrix, bounded_biharmonic_weights, exact_partition_weights, follow_nearest_handle,
+    free_joints, handle_boundary, normalise,
 };
 
+use crate::cage_facets::cage_facets;
 use crate::make_volume::MakeError;
-use crate::weight_domain::{DomainKind, HandleShape, WeightDomain, WeightsOn, weight_domain};
+use crate::weight_domain::{DomainKind, HandlePlace, HandleShape, WeightDomain, WeightsOn, weight_domain};
 use crate::weight_warnings::{Drawbacks, weight_warnings};
 
 /// How good bounded biharmonic weights have to be.
@@ -61,8 +62,15 @@ pub struct HandleWeightsSettings {
 /// What weights are fixed where.
 #[derive(Clone, Copy, Debug)]
 pub enum Held<'a> {
-    /// Handles; they may share vertices, and then share their weights equally.
-    Shapes(&'a [HandleShape]),
+    /// Handles.
+    Shapes {
+        /// They may share vertices, and then share their weights equally. Bones let go near the joints they share
+        /// ([`free_joints`]).
+        shapes: &'a [HandleShape],
+        /// Edges of cages, open or closed, as pairs of points among the shapes: weights are linear along them. Their
+        /// ends share their vertices with no other handle.
+        cage: &'a [[usize; 2]],
+    },
     /// Vertices of the mesh itself with given weights; only for weights on [`WeightsOn::OwnElements`].
     Boundary(&'a HandleBoundary),
 }
@@ -123,6 +131,28 @@ pub enum HandleWeightsError {
     /// Vertices were fixed by number, but the weights are not computed on the mesh's own elements.
     #[error("weights can be fixed at vertices only of the mesh's own elements")]
     BoundaryElsewhere,
+    /// An edge of a cage has to join two points.
+    #[error("edge {edge} of the cage does not join two of the points", edge = .edge + 1)]
+    CageEdge {
+        /// Zero-based edge.
+        edge: usize,
+    },
+    /// A point of a cage lies where another handle does.
+    #[error("{first} and {second} are at one place, but a point of a cage holds its place alone; move one of them")]
+    CagePoint {
+        /// One handle's name.
+        first: String,
+        /// The other's.
+        second: String,
+    },
+    /// On an edge of a cage lies another handle's vertex, or one of another edge with other weights.
+    #[error("the edge of the cage between {from} and {to} meets another handle on its way; let it end there")]
+    CageCrossed {
+        /// The name of the handle where it starts.
+        from: String,
+        /// Where it ends.
+        to: String,
+    },
     /// There is no volume.
     #[error(transparent)]
     Volume(#[from] MakeError),
@@ -153,19 +183,21 @@ pub fn handle_weights(
     settings: &HandleWeightsSettings,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<HandleWeights, HandleWeightsError> {
-    let shapes = match held {
-        Held::Shapes(shapes) => shapes,
+    let (shapes, cage): (&[HandleShape], &[[usize; 2]]) = match held {
+        Held::Shapes { shapes, cage } => (shapes, cage),
         Held::Boundary(_) if settings.on != WeightsOn::OwnElements => {
             return Err(HandleWeightsError::BoundaryElsewhere);
         }
-        Held::Boundary(_) => &[],
+        Held::Boundary(_) => (&[], &[]),
     };
+    let cage_segments = cage_segments(shapes, cage)?;
     let mut stage = "preparing the shape";
     let mut told = |label: &'static str, done: f64| {
         stage = label;
         progress(label, VOLUME_SHARE * done)
     };
-    let domain = weight_domain(surface, tetrahedra, shapes, settings.on, &mut told).map_err(|error| match error {
+    let made = weight_domain(surface, tetrahedra, shapes, &cage_segments, settings.on, &mut told);
+    let domain = made.map_err(|error| match error {
         MakeError::Solid(VolumeError::Cancelled) | MakeError::Flat(armature_geometry::PlanarError::Cancelled) => {
             HandleWeightsError::Cancelled { stage }
         }
@@ -174,13 +206,13 @@ pub fn handle_weights(
     // The columns that have to be solved for; the others hold nothing.
     let (boundary, columns) = match held {
         Held::Boundary(boundary) => (boundary.clone(), (0..boundary.handles).collect()),
-        Held::Shapes(shapes) => boundary_of(&domain, shapes.len())?,
+        Held::Shapes { shapes, cage } => boundary_of(&domain, shapes, cage)?,
     };
     let mut solved = solve(&domain, &boundary, settings, progress)?;
     let followed = follow_nearest_handle(&mut solved.weights, &solved.unreached, &boundary, &domain.vertices);
     let normalisation = (settings.partition == Partition::Normalised).then(|| normalise(&mut solved.weights));
     let names: Vec<String> = match held {
-        Held::Shapes(shapes) => shapes.iter().map(|shape| shape.name.clone()).collect(),
+        Held::Shapes { shapes, .. } => shapes.iter().map(|shape| shape.name.clone()).collect(),
         Held::Boundary(boundary) => (1..=boundary.handles).map(|handle| format!("handle {handle}")).collect(),
     };
     let weights = whole(&domain, &solved.weights, &columns, names.len())?;
@@ -200,16 +232,48 @@ pub fn handle_weights(
     })
 }
 
+/// Where the edges of a cage run.
+fn cage_segments(shapes: &[HandleShape], cage: &[[usize; 2]]) -> Result<Vec<[[f64; 3]; 2]>, HandleWeightsError> {
+    let segment = |(edge, ends): (usize, &[usize; 2])| {
+        let place = |end: usize| match shapes.get(end).map(|shape| &shape.place) {
+            Some(HandlePlace::Point(point)) if ends[0] != ends[1] => Ok(*point),
+            _ => Err(HandleWeightsError::CageEdge { edge }),
+        };
+        Ok([place(ends[0])?, place(ends[1])?])
+    };
+    cage.iter().enumerate().map(segment).collect()
+}
+
 /// What the handles that hold something hold, and which they are.
-fn boundary_of(domain: &WeightDomain, handles: usize) -> Result<(HandleBoundary, Vec<usize>), HandleWeightsError> {
-    let columns: Vec<usize> = (0..handles).filter(|&handle| !domain.held[handle].is_empty()).collect();
+fn boundary_of(
+    domain: &WeightDomain,
+    shapes: &[HandleShape],
+    cage: &[[usize; 2]],
+) -> Result<(HandleBoundary, Vec<usize>), HandleWeightsError> {
+    let columns: Vec<usize> = (0..shapes.len()).filter(|&handle| !domain.held[handle].is_empty()).collect();
     if columns.is_empty() {
-        return Err(HandleWeightsError::NothingHeld { handles });
+        return Err(HandleWeightsError::NothingHeld { handles: shapes.len() });
     }
-    // All may share vertices: two handles at one place are told of, not refused.
-    let handle = |&column: &usize| Handle { kind: HandleKind::Bone, vertices: domain.held[column].clone() };
-    let all: Vec<Handle> = columns.iter().map(handle).collect();
-    Ok((handle_boundary(&domain.vertices, &all, &[])?, columns))
+    // All but cages may share vertices: two handles at one place are told of, not refused.
+    let kind_of = |column: usize| {
+        if cage.iter().flatten().any(|&end| end == column) { HandleKind::Own } else { HandleKind::Bone }
+    };
+    let handle = |&column: &usize| Handle { kind: kind_of(column), vertices: domain.held[column].clone() };
+    let mut all: Vec<Handle> = columns.iter().map(handle).collect();
+    free_joints(&domain.vertices, &mut all, FREE_NEAR_JOINTS);
+    let facets = cage_facets(domain, &columns, cage);
+    let name = |handle: usize| shapes[columns[handle]].name.clone();
+    let boundary = handle_boundary(&domain.vertices, &all, &facets).map_err(|error| match error {
+        HandleError::TwoHandles { first, second, .. } => {
+            HandleWeightsError::CagePoint { first: name(first), second: name(second) }
+        }
+        HandleError::OffFacet { facet, .. } => {
+            let ends = &facets[facet].corners;
+            HandleWeightsError::CageCrossed { from: name(ends[0]), to: name(ends[1]) }
+        }
+        other => other.into(),
+    })?;
+    Ok((boundary, columns))
 }
 
 /// Weights on the domain, with either kind of certificate.

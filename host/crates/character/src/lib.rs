@@ -11,6 +11,7 @@ mod cache;
 mod cache_bytes;
 mod cache_key;
 mod cache_record;
+mod cage_facets;
 mod character;
 mod handle_weights;
 mod held_pins;
@@ -23,7 +24,7 @@ mod pinned_bone;
 mod weight_domain;
 mod weight_warnings;
 
-pub use bind::{BindError, BindMethod, BindProgress, BindSettings, bind};
+pub use bind::{BindError, BindMethod, BindProgress, BindSettings, WEIGHT_VOLUME_VERTICES, bind};
 pub use bone_roles::BoneRole;
 pub use cache::{CACHE_EXTENSION, CacheError, from_bytes, to_bytes};
 pub use cache_key::{CacheKey, cache_key};

@@ -91,16 +91,17 @@ enum Carried {
 /// Hears a few words and the part of the whole that is done; may stop the work.
 pub(crate) type Told<'a> = &'a mut dyn FnMut(&'static str, f64) -> ControlFlow<()>;
 
-/// Prepares the elements that weights are computed on.
+/// Prepares the elements that weights are computed on. A volume gets vertices along the edges of `cage` besides.
 pub(crate) fn weight_domain(
     surface: &TriangleMesh,
     tetrahedra: Option<&TetrahedralMesh>,
     handles: &[HandleShape],
+    cage: &[[[f64; 3]; 2]],
     on: WeightsOn,
     progress: Told<'_>,
 ) -> Result<WeightDomain, MakeError> {
     match (on, tetrahedra) {
-        (WeightsOn::Volume { vertices }, _) => on_volume(surface, handles, vertices, progress),
+        (WeightsOn::Volume { vertices }, _) => on_volume(surface, handles, cage, vertices, progress),
         (WeightsOn::OwnElements, Some(own)) => Ok(on_own_tetrahedra(own, handles)?),
         (WeightsOn::OwnElements | WeightsOn::Surface, _) => Ok(on_surface(surface, handles)?),
     }
@@ -109,6 +110,7 @@ pub(crate) fn weight_domain(
 fn on_volume(
     surface: &TriangleMesh,
     handles: &[HandleShape],
+    cage: &[[[f64; 3]; 2]],
     vertices: usize,
     progress: Told<'_>,
 ) -> Result<WeightDomain, MakeError> {
@@ -120,6 +122,8 @@ fn on_volume(
             HandlePlace::Point(point) => points.push(*point),
         }
     }
+    // Behind those of the handles.
+    segments.extend(cage);
     let input = VolumeInput { surface, segments: &segments, points: &points };
     let settings = VolumeSettings { resolution: Resolution::Embedded { vertices }, ..VolumeSettings::default() };
     match make_volume(&input, &settings, progress)? {

@@ -15,7 +15,7 @@ pub struct GraphSkeleton {
     pub edge_of_bone: Vec<Option<usize>>,
     /// For every edge its bone.
     pub bone_of_edge: Vec<usize>,
-    /// Points that no edge touches; they have no bone.
+    /// Points that no bone touches.
     pub unused_points: Vec<usize>,
 }
 
@@ -59,7 +59,7 @@ pub enum GraphError {
     },
 }
 
-/// Makes a bone of every edge, directed away from the root, with identity rest rotation and its head where its parent
+/// Makes a bone of every edge but those of cages, directed away from the root, with identity rest rotation and its head where its parent
 /// ends. The root is the point `root`, or the first point that an edge touches; where several edges meet there, a hub
 /// bone `root` without length carries them. Every further connected part of the graph becomes a further root, starting
 /// at its own first point. Children follow the order of the edges.
@@ -187,7 +187,7 @@ mod tests {
 
     fn graph(points: usize, edges: &[[usize; 2]]) -> TgfGraph {
         let points = (0..points).map(|i| [i as f64, (i * i) as f64, -0.5 * i as f64]).collect();
-        TgfGraph { points, edges: edges.to_vec() }
+        TgfGraph { points, edges: edges.to_vec(), ..TgfGraph::default() }
     }
 
     #[test]

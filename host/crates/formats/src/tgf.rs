@@ -10,13 +10,18 @@ use crate::text::{count, decode, numbered_lines, numbers, quoted};
 pub struct TgfGraph {
     /// Positions, in the order of the file.
     pub points: Vec<[f64; 3]>,
-    /// Pairs of zero-based point indices, in the order of the file.
+    /// Bones: pairs of zero-based point indices, in the order of the file.
     pub edges: Vec<[usize; 2]>,
+    /// Edges of a cage, open or closed: pairs likewise.
+    pub cage_edges: Vec<[usize; 2]>,
+    /// Lines after a second `#`, which are not read: libigl's tools write faces of cages there.
+    pub unread_lines: usize,
 }
 
-/// Reads `index x y z …` lines, a line `#`, then `from to …` lines. Further columns, and what follows a second `#`
-/// (pseudo-edges and cages in libigl's files), are ignored. An index may be any whole number, as long as no two points
-/// share it. The error names no file: see [`FormatError::in_file`].
+/// Reads `index x y z …` lines, a line `#`, then `from to [bone pseudo cage]` lines. The last three are 1 or 0, as in
+/// libigl's files, and say what the edge is: a bone, as it also is without them; part of a cage; or a pseudo-edge, which
+/// turns handles when they are moved and is left out here. Further columns are ignored. An index may be any whole number,
+/// as long as no two points share it. The error names no file: see [`FormatError::in_file`].
 pub fn read_tgf(bytes: &[u8]) -> Result<TgfGraph, FormatError> {
     let text = decode(bytes);
     let mut graph = TgfGraph::default();
@@ -52,9 +57,15 @@ pub fn read_tgf(bytes: &[u8]) -> Result<TgfGraph, FormatError> {
                         FormatError::line("", line, what, "Edges name joints by the numbers above the # line")
                     })
                 };
-                graph.edges.push([end(Some(first))?, end(words.next())?]);
+                let ends = [end(Some(first))?, end(words.next())?];
+                let [bone, pseudo, cage] = [(); 3].map(|()| words.next() == Some("1"));
+                match (bone, pseudo, cage) {
+                    (false, _, true) => graph.cage_edges.push(ends),
+                    (false, true, false) => {}
+                    _ => graph.edges.push(ends),
+                }
             }
-            _ => {}
+            _ => graph.unread_lines += 1,
         }
     }
     if graph.points.is_empty() {
@@ -78,7 +89,15 @@ mod tests {
         let graph =
             read_tgf(b"  7\t1 2 3 nan 1e+999 x\r\n\r\n 2 -1 0.5 1e-3\r\n#\r\n2 7 1 0 0\r\n#\r\n7 7\r\n").unwrap();
         assert_eq!(graph.points, [[1.0, 2.0, 3.0], [-1.0, 0.5, 1e-3]]);
-        assert_eq!(graph.edges, [[1, 0]]);
+        assert_eq!((graph.edges, graph.cage_edges, graph.unread_lines), (vec![[1, 0]], vec![], 1));
+    }
+
+    #[test]
+    fn edges_are_bones_unless_they_say_otherwise() {
+        let text = "1 0 0 0\n2 1 0 0\n3 2 0 0\n#\n1 2\n2 3 1 0 0\n1 3 0 0 1\n2 1 0 1 0\n3 1 0 0 0\n3 2 1 0 1\n";
+        let graph = read_tgf(text.as_bytes()).unwrap();
+        assert_eq!(graph.edges, [[0, 1], [1, 2], [2, 0], [2, 1]]);
+        assert_eq!(graph.cage_edges, [[0, 2]]);
     }
 
     #[test]

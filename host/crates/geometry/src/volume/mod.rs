@@ -8,6 +8,7 @@ mod elements;
 mod inside;
 mod octree;
 mod peel;
+mod peel_slivers;
 mod recover;
 mod report;
 mod shell;

@@ -8,12 +8,12 @@ use rayon::prelude::*;
 use super::compact::compact;
 use super::elements::Elements;
 use super::inside::{Inside, bone_groups};
-use super::peel::peel_slivers;
+use super::peel_slivers::peel_slivers;
 use super::shell::{Places, Shell};
 use super::tessellate::Tessellation;
 use super::{Field, Volume, VolumeError, VolumeInput};
 use crate::{
-    Components, EmbedError, Embedding, ImproveError, ImproveSettings, SurfacePlace, SurfacePlaceHint, TetrahedralMesh,
+    EmbedError, Embedding, ImproveError, ImproveSettings, SurfacePlace, SurfacePlaceHint, TetrahedralMesh,
     connected_components, dihedral_angles, embed_points, improve_tetrahedra,
 };
 
@@ -55,7 +55,7 @@ impl Solid {
             Err(error) => return Err(VolumeError::Improvement(error)),
         }
         if keep_shell.is_none() {
-            whole.report.slivers_left_out = peel_slivers(&mut self.mesh, &fixed, &whole.segments);
+            whole.report.slivers_left_out = peel_slivers(&mut self.mesh, &fixed);
         }
         Ok(())
     }
@@ -112,7 +112,7 @@ fn inner_facets(elements: &Elements, labels: &[bool], mesh: &TetrahedralMesh) ->
 }
 
 /// Every facet of every element with its corners ascending, in their order.
-pub(super) fn sorted_facets(mesh: &TetrahedralMesh) -> Vec<([u32; 3], u32)> {
+fn sorted_facets(mesh: &TetrahedralMesh) -> Vec<([u32; 3], u32)> {
     let mut facets: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * mesh.tetrahedra.len());
     for (element, t) in mesh.tetrahedra.iter().enumerate() {
         for k in 0..4 {
@@ -129,17 +129,16 @@ fn positions(mesh: &TetrahedralMesh) -> impl Iterator<Item = [DVec3; 4]> + '_ {
     mesh.tetrahedra.iter().map(|t| t.map(|v| DVec3::from(mesh.vertices[v as usize])))
 }
 
-/// Elements that are joined through facets.
-pub(super) fn pieces_of(mesh: &TetrahedralMesh) -> Components {
+/// Pairs of elements that share a facet.
+pub(super) fn facet_neighbours(mesh: &TetrahedralMesh) -> Vec<[u32; 2]> {
     let facets = sorted_facets(mesh);
-    let joined: Vec<[u32; 3]> =
-        facets.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1, pair[1].1]).collect();
-    connected_components(mesh.tetrahedra.len(), &joined)
+    facets.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1]).collect()
 }
 
 /// How many pieces there are, joined through facets, and how many groups of bones that share ends lie in several.
-pub(super) fn pieces(mesh: &TetrahedralMesh, runs: &[Vec<u32>]) -> (usize, usize) {
-    let pieces = pieces_of(mesh);
+fn pieces(mesh: &TetrahedralMesh, runs: &[Vec<u32>]) -> (usize, usize) {
+    let joined: Vec<[u32; 3]> = facet_neighbours(mesh).into_iter().map(|[a, b]| [a, b, b]).collect();
+    let pieces = connected_components(mesh.tetrahedra.len(), &joined);
     let mut pieces_at: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices.len()];
     for (element, t) in mesh.tetrahedra.iter().enumerate() {
         for &v in t {
