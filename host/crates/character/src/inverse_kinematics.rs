@@ -16,6 +16,7 @@ use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, Skeleton};
 use glam::{Affine3A, Mat3, Mat3A, Quat, Vec3};
 
 use crate::bone_roles::bone_roles;
+use crate::comfort::Comfort;
 use crate::held_pins::{HeldPins, Pin};
 use crate::{BoneRole, Character, PinHold, PinnedBone};
 
@@ -50,15 +51,16 @@ pub enum IkError {
 /// some hundredths of a second.
 #[derive(Clone, Debug)]
 pub struct InverseKinematics {
-    skeleton: Skeleton,
+    pub(crate) skeleton: Skeleton,
     shape: Shape,
     /// Model space, in the rest pose.
-    rest: RestFrames,
+    pub(crate) rest: RestFrames,
     pins: Vec<Option<PinHold>>,
+    pub(crate) comforts: Vec<Option<Comfort>>,
     moves: Vec<bool>,
     driven: Vec<bool>,
     roles: Vec<BoneRole>,
-    system: Option<SolvedSystem>,
+    pub(crate) system: Option<SolvedSystem>,
     problem: Option<IkError>,
 }
 
@@ -71,9 +73,9 @@ struct Shape {
 }
 
 #[derive(Clone, Debug)]
-struct RestFrames {
-    heads: Vec<Vec3>,
-    tails: Vec<Vec3>,
+pub(crate) struct RestFrames {
+    pub(crate) heads: Vec<Vec3>,
+    pub(crate) tails: Vec<Vec3>,
     rotations: Vec<Quat>,
 }
 
@@ -104,6 +106,7 @@ impl InverseKinematics {
             },
             rest: RestFrames::of(&skeleton),
             roles: bone_roles(&skeleton, &driven, &held, &moves),
+            comforts: vec![None; skeleton.len()],
             skeleton,
             pins: held,
             moves,
@@ -214,9 +217,9 @@ impl RestFrames {
 
 /// Handles of the reduced system: a bone each, with all bones that go along with it.
 #[derive(Clone, Debug)]
-struct Layout {
-    handle_of_bone: Vec<usize>,
-    bone_of_handle: Vec<usize>,
+pub(crate) struct Layout {
+    pub(crate) handle_of_bone: Vec<usize>,
+    pub(crate) bone_of_handle: Vec<usize>,
     /// Whether forward kinematics knows where the handle's bone stands.
     placed: Vec<bool>,
     /// Whether a pin holds the bone turned as at rest although its parent is not.
@@ -257,7 +260,7 @@ impl Layout {
     }
 
     /// Whether the shape decides how the handle is turned.
-    fn is_solved(&self, handle: usize) -> bool {
+    pub(crate) fn is_solved(&self, handle: usize) -> bool {
         matches!(self.constraints[handle], HandleConstraint::Free | HandleConstraint::Position)
     }
 
@@ -294,6 +297,7 @@ impl Layout {
             progress,
         )?;
         arap.constrain(&self.constraints, &[])?;
+        arap.soften(&ik.soft_joints(self))?;
         Ok(arap)
     }
 }
@@ -308,11 +312,11 @@ struct SolvedBone {
 
 /// Everything for one set of driven bones.
 #[derive(Clone, Debug)]
-struct SolvedSystem {
-    layout: Layout,
-    arap: ReducedArap,
+pub(crate) struct SolvedSystem {
+    pub(crate) layout: Layout,
+    pub(crate) arap: ReducedArap,
     /// As it was before the first pose.
-    fresh: ReducedArap,
+    pub(crate) fresh: ReducedArap,
     is_first: bool,
     solved: Vec<SolvedBone>,
     roots: Vec<usize>,

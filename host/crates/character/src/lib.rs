@@ -13,6 +13,7 @@ mod cache_key;
 mod cache_record;
 mod cage_facets;
 mod character;
+mod comfort;
 mod handle_weights;
 mod held_pins;
 mod hold_vertices;
@@ -29,6 +30,7 @@ pub use bone_roles::BoneRole;
 pub use cache::{CACHE_EXTENSION, CacheError, from_bytes, to_bytes};
 pub use cache_key::{CacheKey, cache_key};
 pub use character::{BiharmonicRecord, Character, HeatRecord, Provenance, WeightsRecord};
+pub use comfort::Comfort;
 pub use handle_weights::{
     BiharmonicTier, HandleWeights, HandleWeightsError, HandleWeightsSettings, Held, Partition, handle_weights,
 };

@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::LazyLock;
 
-use armature_character::{BoneRole, Character, IkError, InverseKinematics, PinnedBone, human};
+use armature_character::{BoneRole, Character, Comfort, IkError, InverseKinematics, PinnedBone, human};
 use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, Skeleton};
 use glam::{Affine3A, Quat, Vec3};
 
@@ -124,6 +124,29 @@ fn driven_bones_turn_exactly_and_bones_keep_their_lengths() {
             }
         }
     }
+}
+
+#[test]
+fn a_bone_that_prefers_its_rest_turns_less() {
+    let skeleton = &HUMAN.skeleton;
+    let neck = skeleton.find("Neck").unwrap();
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap();
+    let mut angle = |comfort: Option<Comfort>| {
+        ik.prefer(neck, comfort).unwrap();
+        ik.restart();
+        let mut pose = puppet_pose(skeleton, 1.0);
+        ik.complete(&status(skeleton), &mut pose);
+        pose.parent_from_bone[neck].rotation.angle_between(skeleton.bones()[neck].rest.rotation)
+    };
+    let free = angle(None);
+    let stiff = angle(Some(Comfort { stiffness: 1.0, limit: None }));
+    let limited = angle(Some(Comfort { stiffness: 0.0, limit: Some((0.05, [-0.05, 0.05])) }));
+    let again = angle(None);
+    assert!(free > 0.15 && stiff < 0.5 * free && limited < 0.12, "{free} {stiff} {limited}");
+    assert!((again - free).abs() < 1e-3, "{free} {again}");
+    assert!(ik.prefer(neck, Some(Comfort { stiffness: -1.0, limit: None })).is_err());
+    assert!(ik.prefer(neck, Some(Comfort { stiffness: 0.0, limit: Some((f64::NAN, [0.0; 2])) })).is_err());
+    assert!(ik.prefer(skeleton.len(), None).is_err());
 }
 
 #[test]

@@ -320,6 +320,9 @@ impl ReducedArap {
     /// Takes how the handles prefer to turn against each other, instead of what was given before; none at first. The
     /// pose reached so far remains the start of the next solve. The energy in reports includes these terms.
     pub fn soften(&mut self, joints: &[SoftJoint]) -> Result<(), ArapError> {
+        if joints.is_empty() && Arc::ptr_eq(&self.reduction, &self.bare) {
+            return Ok(());
+        }
         self.reduction =
             if joints.is_empty() { self.bare.clone() } else { Arc::new(self.bare.with_soft_joints(joints)?) };
         // What an earlier limit allowed may be beyond this one's.
