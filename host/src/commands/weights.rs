@@ -16,6 +16,7 @@ use crate::cli::weight_args::{HandleMethod, WeightsArgs};
 use crate::failure::Failure;
 use crate::talk::{Bar, Talk};
 use crate::weight_picture::{WeightPicture, handle_of, write_weight_picture};
+use crate::words::grouped;
 use crate::{characters, files, inputs};
 
 /// Computes the weights of handles, writes them, and says how good they are.
@@ -49,13 +50,10 @@ pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
             println!("{}: {by}", path.display());
         }
     }
-    match made.unconverged() {
-        0 => Ok(()),
-        missed => Err(Failure::not_converged(
-            format!(
-                "{}: the weights of {missed} handles did not converge; the best found were written",
-                args.mesh.display()
-            ),
+    match made.shortfall() {
+        None => Ok(()),
+        Some(what) => Err(Failure::not_converged(
+            format!("{}: {what}; the best found were written", args.mesh.display()),
             "the report says how far off they can be; repair slivers of the mesh, or give more distance to handles",
         )),
     }
@@ -178,10 +176,16 @@ impl Made {
         }
     }
 
-    fn unconverged(&self) -> usize {
+    /// What did not become as good as it was asked to be; `None` if all did.
+    fn shortfall(&self) -> Option<String> {
         match self {
-            Self::Biharmonic(made) => made.unconverged(),
-            Self::Heat(_) => 0,
+            Self::Biharmonic(made) if !made.converged() => Some(match &made.together {
+                Some(report) => {
+                    format!("all handles solved together did not converge in {} steps", grouped(report.steps))
+                }
+                None => format!("the weights of {} handles did not converge", made.unconverged()),
+            }),
+            _ => None,
         }
     }
 }

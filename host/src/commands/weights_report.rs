@@ -118,6 +118,7 @@ fn biharmonic_json(args: &WeightsArgs, made: &HandleWeights, names: &[String], s
         "handles": names.iter().zip(&made.reports).map(handle).collect::<Vec<_>>(),
         "energy": made.energy(),
         "error_bound": made.error_bound(),
+        "converged": made.converged(),
         "unconverged": made.unconverged(),
         "normalised": made.normalisation.is_some(),
         "largest_deviation": made.normalisation.as_ref().map(|n| n.largest_deviation),

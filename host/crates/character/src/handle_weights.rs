@@ -107,11 +107,15 @@ impl HandleWeights {
         self.known().map(|report| report.energy).chain(self.together.map(|t| t.energy)).sum()
     }
 
-    /// Handles whose weights are not as good as they were asked to be.
+    /// Handles that were solved by themselves and whose weights are not as good as they were asked to be.
     pub fn unconverged(&self) -> usize {
-        let late = self.known().filter(|report| report.outcome != BiharmonicOutcome::Converged).count();
-        let together = self.together.is_some_and(|report| report.outcome != BiharmonicOutcome::Converged);
-        if together { self.weights.bones() } else { late }
+        self.known().filter(|report| report.outcome != BiharmonicOutcome::Converged).count()
+    }
+
+    /// Whether all weights are as good as they were asked to be.
+    pub fn converged(&self) -> bool {
+        let together = self.together.is_none_or(|report| report.outcome == BiharmonicOutcome::Converged);
+        together && self.unconverged() == 0
     }
 
     fn known(&self) -> impl Iterator<Item = &HandleReport> {

@@ -2,15 +2,14 @@
 //! `cargo run --release -p armature-weights --example bounded_biharmonic -- mesh.mesh b.npy bc.npy [interactive|certified [reference.npy]]`.
 //! The two arrays are as libigl's `boundary_conditions` makes them; reference weights, n × m, are compared with.
 
-#[path = "../tests/support/mod.rs"]
 mod support;
 
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{Lumping, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
-use armature_weights::{BiharmonicProblem, BiharmonicSettings, bounded_biharmonic_weights};
+use armature_weights::{BiharmonicSettings, bounded_biharmonic_weights};
+use support::{GivenOnMesh, read_npy};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -18,23 +17,10 @@ fn main() {
         eprintln!("usage: bounded_biharmonic mesh.mesh b.npy bc.npy [interactive|certified [reference.npy]]");
         std::process::exit(2);
     };
-    let mesh = support::read_medit(Path::new(mesh));
-    let fixed = support::read_npy_indices(Path::new(fixed));
-    let given = support::read_npy(Path::new(given));
-    println!("{} vertices, {} tetrahedra, {} handles", mesh.vertices.len(), mesh.tetrahedra.len(), given.columns);
+    let given = GivenOnMesh::read(mesh, fixed, given);
     let interactive = rest.first().is_none_or(|tier| tier == "interactive");
     let settings = if interactive { BiharmonicSettings::interactive() } else { BiharmonicSettings::certified() };
     let start = Instant::now();
-    let laplacian = cotangent_laplacian_tetrahedra(&mesh).expect("a mesh").matrix;
-    let mass = lumped_mass_tetrahedra(&mesh, Lumping::Barycentric).expect("a mesh");
-    let problem = BiharmonicProblem {
-        laplacian: &laplacian,
-        mass: &mass,
-        fixed: &fixed,
-        fixed_weights: &given.values,
-        handles: given.columns,
-        shape_preservation: None,
-    };
     let mut last: Option<(_, Instant)> = None;
     let mut progress = |at: armature_weights::Progress| {
         let entered = last.is_none_or(|(phase, _)| phase != at.phase);
@@ -43,14 +29,14 @@ fn main() {
         }
         ControlFlow::Continue(())
     };
-    match bounded_biharmonic_weights(&problem, &settings, &mut progress) {
+    match bounded_biharmonic_weights(&given.problem(), &settings, &mut progress) {
         Ok(result) => {
             println!("all: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
             result.reports.iter().for_each(|report| println!("{report:?}"));
             println!("energy {:.6}", result.reports.iter().map(|report| report.energy).sum::<f64>());
             println!("active sets {}", result.reports.iter().map(|report| report.active_sets).sum::<usize>());
             if let Some(reference) = rest.get(1) {
-                let reference = support::read_npy(Path::new(reference)).values;
+                let reference = read_npy(Path::new(reference)).values;
                 let weights = result.weights.to_columns().expect("memory");
                 let difference = weights.iter().zip(&reference).map(|(a, b)| (a - b).abs());
                 println!("largest difference {:.1e}", difference.fold(0.0, f64::max));

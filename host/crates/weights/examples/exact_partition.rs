@@ -1,18 +1,15 @@
 //! Compares weights that sum to one exactly with weights that are normalised, as table 2 of the BBW paper:
 //! `cargo run --release -p armature-weights --example exact_partition -- mesh.mesh b.npy bc.npy [error bound]`.
 
-#[path = "../tests/support/mod.rs"]
 mod support;
 
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{Lumping, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
 use armature_weights::{
-    BiharmonicProblem, BiharmonicSettings, ExactPartitionSettings, bounded_biharmonic_weights, exact_partition_weights,
-    normalise,
+    BiharmonicSettings, ExactPartitionSettings, bounded_biharmonic_weights, exact_partition_weights, normalise,
 };
+use support::GivenOnMesh;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -20,19 +17,8 @@ fn main() {
         eprintln!("usage: exact_partition mesh.mesh b.npy bc.npy [error bound]");
         std::process::exit(2);
     };
-    let mesh = support::read_medit(Path::new(mesh));
-    let fixed = support::read_npy_indices(Path::new(fixed));
-    let given = support::read_npy(Path::new(given));
-    let laplacian = cotangent_laplacian_tetrahedra(&mesh).expect("a mesh").matrix;
-    let mass = lumped_mass_tetrahedra(&mesh, Lumping::Barycentric).expect("a mesh");
-    let problem = BiharmonicProblem {
-        laplacian: &laplacian,
-        mass: &mass,
-        fixed: &fixed,
-        fixed_weights: &given.values,
-        handles: given.columns,
-        shape_preservation: None,
-    };
+    let given = GivenOnMesh::read(mesh, fixed, given);
+    let problem = given.problem();
     let mut go_on = |_| ControlFlow::Continue(());
     let mut settings = ExactPartitionSettings::default();
     if let Some(bound) = rest.first().and_then(|bound| bound.parse().ok()) {

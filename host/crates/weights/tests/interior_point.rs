@@ -2,6 +2,8 @@
 //! no order is chosen, and no guess is made.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has to fail")]
 
+mod support;
+
 use std::ops::ControlFlow;
 
 use armature_geometry::{
@@ -14,6 +16,7 @@ use armature_weights::{
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, ZeroConeT};
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus};
+use support::block;
 
 /// Cells of a block of cubes along x, y and z.
 const CELLS: [usize; 3] = [8, 5, 4];
@@ -22,24 +25,12 @@ fn number([x, y, z]: [usize; 3]) -> usize {
     x + (CELLS[0] + 1) * (y + (CELLS[1] + 1) * z)
 }
 
-/// A block that gets thinner along x; each cube is six tetrahedra.
-fn block() -> TetrahedralMesh {
-    let mut mesh = TetrahedralMesh::default();
-    for z in 0..=CELLS[2] {
-        for y in 0..=CELLS[1] {
-            for x in 0..=CELLS[0] {
-                let thin = 1.0 - 0.08 * x as f64;
-                mesh.vertices.push([0.25 * x as f64, 0.2 * thin * y as f64, 0.22 * thin * z as f64]);
-            }
-        }
-    }
-    let cells = (0..CELLS[2]).flat_map(|z| (0..CELLS[1]).flat_map(move |y| (0..CELLS[0]).map(move |x| [x, y, z])));
-    for [x, y, z] in cells {
-        let at = |dx: usize, dy: usize, dz: usize| number([x + dx, y + dy, z + dz]) as u32;
-        let ring = [at(1, 0, 0), at(1, 1, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1), at(1, 0, 1)];
-        mesh.tetrahedra.extend((0..6).map(|k| [at(0, 0, 0), at(1, 1, 1), ring[k], ring[(k + 1) % 6]]));
-    }
-    mesh
+/// A block that gets thinner along x.
+fn thinning_block() -> TetrahedralMesh {
+    block(CELLS, |[x, y, z]| {
+        let thin = 1.0 - 0.08 * x;
+        [0.25 * x, 0.2 * thin * y, 0.22 * thin * z]
+    })
 }
 
 struct Setup {
@@ -53,7 +44,7 @@ struct Setup {
 impl Setup {
     /// A bone of four vertices, two points and a region.
     fn new() -> Self {
-        let mesh = block();
+        let mesh = thinning_block();
         let held: [&[[usize; 3]]; 4] = [
             &[[1, 2, 2], [2, 2, 2], [3, 2, 2], [4, 2, 2]],
             &[[7, 4, 1]],

@@ -68,6 +68,25 @@ pub(crate) fn shared_character(name: &str) -> Option<(TriangleMesh, Vec<BoneSegm
     Some((read_obj(&mesh), read_tgf(&skeleton)))
 }
 
+/// A block of so many cubes along x, y and z, six tetrahedra each; `place` puts its whole-numbered vertices, of which
+/// x comes fastest.
+pub(crate) fn block([nx, ny, nz]: [usize; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> TetrahedralMesh {
+    let number = |x: usize, y: usize, z: usize| x + (nx + 1) * (y + (ny + 1) * z);
+    let mut mesh = TetrahedralMesh::default();
+    for z in 0..=nz {
+        for y in 0..=ny {
+            mesh.vertices.extend((0..=nx).map(|x| place([x as f64, y as f64, z as f64])));
+        }
+    }
+    for cell in 0..nx * ny * nz {
+        let (x, y, z) = (cell % nx, cell / nx % ny, cell / (nx * ny));
+        let at = |dx: usize, dy: usize, dz: usize| number(x + dx, y + dy, z + dz) as u32;
+        let ring = [at(1, 0, 0), at(1, 1, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1), at(1, 0, 1)];
+        mesh.tetrahedra.extend((0..6).map(|k| [at(0, 0, 0), at(1, 1, 1), ring[k], ring[(k + 1) % 6]]));
+    }
+    mesh
+}
+
 /// Vertices and tetrahedra of a MESH file.
 pub(crate) fn read_medit(path: &Path) -> TetrahedralMesh {
     let text = std::fs::read_to_string(path).unwrap();
