@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use armature::engine::actor::Actor;
-use armature::engine::completion::{IkArgs, IkMode};
+use armature::engine::completion::IkArgs;
 use armature::takes;
 use armature_character::BoneRole;
 use armature_rig::{Pose, PoseCompletion, StreamSolver};
@@ -17,11 +17,15 @@ use glam::{Affine3A, Quat};
 const FEET: [&str; 2] = ["LeftFoot", "RightFoot"];
 
 fn ik(pins: &[&str]) -> IkArgs {
-    IkArgs { ik: IkMode::Auto, pin: pins.iter().map(ToString::to_string).collect() }
+    IkArgs { pin: pins.iter().map(ToString::to_string).collect(), ..IkArgs::default() }
 }
 
 fn eight_joints(actor: &Arc<Actor>, options: &Options, pins: &[&str]) -> Run {
-    let setup = Setup { ik: ik(pins), ..Setup::samples(80, 100.0) };
+    eight_joints_by(actor, options, ik(pins))
+}
+
+fn eight_joints_by(actor: &Arc<Actor>, options: &Options, ik: IkArgs) -> Run {
+    let setup = Setup { ik, ..Setup::samples(80, 100.0) };
     let setup =
         Setup { header: armature_take::Header { character_hash: actor.content_hash(), ..setup.header }, ..setup };
     perform(options.puppet().unwrap(), actor, &setup)
@@ -81,6 +85,32 @@ fn the_same_seed_gives_the_same_take_and_a_replay_the_same_bits() {
         );
         let alone = verify(&first.take, &mut go_on);
         assert_eq!(alone, Err(ReplayError::NeedsCharacter));
+    }
+}
+
+#[test]
+fn what_bones_prefer_is_felt_and_goes_into_the_take() {
+    let human = actor("human");
+    let furthest = |run: &Run| {
+        let chest = run.take.skeleton().unwrap().find("Chest").unwrap();
+        let rest = run.take.skeleton().unwrap().bones()[chest].rest.rotation;
+        let turn = |pose: Pose| pose.parent_from_bone[chest].rotation.angle_between(rest);
+        run.take.poses().map(|packed| turn(run.take.unpack(packed))).fold(0.0, f32::max)
+    };
+    let by = |prefer: &[&str]| {
+        let prefer = prefer.iter().map(ToString::to_string).collect();
+        eight_joints_by(&human, &options("human8", 4), IkArgs { prefer, ..IkArgs::default() })
+    };
+    let (free, stiff) = (by(&[]), by(&["Chest:stiff=10"]));
+    println!("the chest turns by {} at most, a stiff one by {}", furthest(&free), furthest(&stiff));
+    assert!(furthest(&free) > 0.02 && furthest(&stiff) < 0.5 * furthest(&free));
+    let header = stiff.take.header().inverse_kinematics.as_ref().unwrap();
+    assert_eq!(header.preferences, ["Chest:stiff=10"]);
+    assert_replays(&stiff, &human);
+    for (wrong, said) in [("Chst:stiff=1", "no bone \"Chst\""), ("Chest:stiff=-1", "stiffness"), ("Chest", "stiff=")] {
+        let choice = IkArgs { prefer: vec![wrong.into()], ..IkArgs::default() };
+        let failure = choice.of_actor(&human).unwrap_err().to_string();
+        assert!(failure.contains(said), "{failure}");
     }
 }
 

@@ -108,7 +108,7 @@ impl Setup {
             rate,
             seconds: (f64::from(count) + 0.5) / rate,
             header: Header::default(),
-            ik: IkArgs { ik: IkMode::Off, pin: Vec::new() },
+            ik: IkArgs { ik: IkMode::Off, ..IkArgs::default() },
         }
     }
 }

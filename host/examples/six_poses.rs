@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn picture(actor: &Arc<Actor>, pose: &PuppetPose) -> Result<Picture, Box<dyn Error>> {
-    let ik = IkArgs { ik: IkMode::On, pin: pose.pins.iter().map(ToString::to_string).collect() };
+    let ik = IkArgs { ik: IkMode::On, pin: pose.pins.iter().map(ToString::to_string).collect(), ..IkArgs::default() };
     let performance = Performance::new(actor.clone(), None, Calibration::default(), ZeroPolicy::AtStart)
         .and_then(|performance| performance.with_inverse_kinematics(&ik))
         .map_err(|f| f.what)?;

@@ -34,5 +34,5 @@ pub fn completion(take: &Take, actor: &Actor) -> Result<Option<InverseKinematics
         );
         return Err(Failure::usage(what, "name the very character it was recorded with by --character"));
     }
-    IkArgs { ik: IkMode::On, pin: header.pins.clone() }.of_actor(actor)
+    IkArgs { ik: IkMode::On, pin: header.pins.clone(), prefer: header.preferences.clone() }.of_actor(actor)
 }

@@ -43,7 +43,7 @@ const EIGHT: [&str; 8] = [
 
 pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let human = Arc::new(characters::find("human", &mut |_| ControlFlow::Continue(()))?.actor);
-    let all_joints = IkArgs { ik: IkMode::Off, pin: Vec::new() };
+    let all_joints = IkArgs { ik: IkMode::Off, ..IkArgs::default() };
     Ok(vec![
         character()?,
         pose("pose/human-solve-and-skin-p99", &human, "human", &all_joints)?.at_most(2000.0, "below 2 ms"),

@@ -88,6 +88,9 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
     ];
     if let Some(ik) = &header.inverse_kinematics {
         words.push(format!("bones without a joint were turned by inverse kinematics, held: {}", ik.pins.join(", ")));
+        if !ik.preferences.is_empty() {
+            words.push(format!("they preferred: {}", ik.preferences.join(", ")));
+        }
     }
     words.push(if report.is_whole() {
         "whole: ended cleanly, every checksum holds".into()
@@ -108,6 +111,7 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         "discarded_bytes": summary.discarded_bytes, "restarts": summary.restarts,
         "resyncs": summary.resyncs, "whole": report.is_whole(),
         "inverse_kinematics_pins": header.inverse_kinematics.as_ref().map(|ik| &ik.pins),
+        "inverse_kinematics_preferences": header.inverse_kinematics.as_ref().map(|ik| &ik.preferences),
         "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "joints": joints,
     });
     Ok((words, value))

@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use armature_character::{BoneRole, InverseKinematics, PinnedBone};
+use armature_character::{BoneRole, InverseKinematics, PinnedBone, PreferredBone, UnknownPreference};
 use clap::{Args, ValueEnum};
 
 use super::actor::Actor;
@@ -31,19 +31,27 @@ pub struct IkArgs {
     /// lets it hang
     #[arg(long, value_name = "BONE", value_delimiter = ',')]
     pub pin: Vec<String>,
+    /// How a bone without a joint prefers to turn against the bone above, with commas between: BONE:stiff=0.5 resists
+    /// (10 hardly bends at all), BONE:swing=40:twist=-60..60 is how far it goes to any side and about itself, degrees
+    #[arg(long, value_name = "BONE:WHAT=N", value_delimiter = ',')]
+    pub prefer: Vec<String>,
 }
 
 impl IkArgs {
     /// Inverse kinematics for a character, if it was chosen and is possible.
     pub fn of_actor(&self, actor: &Actor) -> Result<Option<InverseKinematics>, Failure> {
         if self.ik == IkMode::Off {
-            return match self.pin.first() {
-                Some(_) => Err(Failure::usage("--pin needs inverse kinematics", "leave --ik off away")),
+            let needless =
+                [("--pin", &self.pin), ("--prefer", &self.prefer)].into_iter().find(|(_, words)| !words.is_empty());
+            return match needless {
+                Some((option, _)) => {
+                    Err(Failure::usage(format!("{option} needs inverse kinematics"), "leave --ik off away"))
+                }
                 None => Ok(None),
             };
         }
         let Some(character) = &actor.character else {
-            let wanted = self.ik == IkMode::On || !self.pin.is_empty();
+            let wanted = self.ik == IkMode::On || !self.pin.is_empty() || !self.prefer.is_empty();
             let what = format!("{} has no mesh, and inverse kinematics follows the shape", actor.name);
             return if wanted {
                 Err(Failure::usage(what, "choose a character with a mesh, such as human"))
@@ -53,10 +61,15 @@ impl IkArgs {
         };
         let pins: Vec<PinnedBone> =
             self.pin.iter().map(|text| text.parse().unwrap_or_else(|never: Infallible| match never {})).collect();
-        let made = InverseKinematics::new(character, &pins).map_err(|e| {
+        let preferred: Result<Vec<PreferredBone>, _> = self.prefer.iter().map(|text| text.parse()).collect();
+        let preferred = preferred.map_err(|e: UnknownPreference| Failure::usage(e.to_string(), ""))?;
+        let made = InverseKinematics::new(character, &pins).and_then(|mut ik| {
+            ik.prefer_all(&preferred)?;
+            Ok(ik)
+        });
+        made.map(Some).map_err(|e| {
             Failure::usage(format!("{}: {e}", actor.name), "`armature inspect` lists the bones of a character")
-        })?;
-        Ok(Some(made))
+        })
     }
 }
 

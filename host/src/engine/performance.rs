@@ -70,6 +70,8 @@ pub struct Performance {
     waited_samples: u32,
     solver: StreamSolver,
     inverse_kinematics: Option<InverseKinematics>,
+    /// What its bones prefer, in the user's words.
+    preferences: Vec<String>,
     /// A take that began without inverse kinematics goes on without.
     solves_joints_alone: bool,
     pose: Pose,
@@ -95,6 +97,7 @@ impl Performance {
         solver.engage(ENGAGE_MICROS, false);
         Ok(Self {
             inverse_kinematics: None,
+            preferences: Vec::new(),
             solves_joints_alone: false,
             pose: actor.skeleton.rest_pose(),
             actor,
@@ -115,6 +118,7 @@ impl Performance {
     /// Lets bones without a joint follow, as chosen.
     pub fn with_inverse_kinematics(mut self, choice: &IkArgs) -> Result<Self, Failure> {
         self.inverse_kinematics = choice.of_actor(&self.actor)?;
+        self.preferences.clone_from(&choice.prefer);
         self.prepare_inverse_kinematics();
         Ok(self)
     }
@@ -227,7 +231,10 @@ impl Performance {
         self.forget_past();
         let needed = self.inverse_kinematics.as_ref().filter(|ik| ik.is_needed());
         self.solves_joints_alone = needed.is_none();
-        needed.map(|ik| InverseKinematicsHeader { pins: ik.pins().map(|pin| pin.to_string()).collect() })
+        needed.map(|ik| InverseKinematicsHeader {
+            pins: ik.pins().map(|pin| pin.to_string()).collect(),
+            preferences: self.preferences.clone(),
+        })
     }
 
     /// The take has ended.

@@ -2,7 +2,8 @@
 
 use armature_deform::{ArapError, RotationLimit, SoftJoint};
 
-use crate::inverse_kinematics::{IkError, InverseKinematics, Layout};
+use crate::PreferredBone;
+use crate::inverse_kinematics::{IkError, InverseKinematics, Layout, find_bone};
 
 /// What a bone that the shape turns prefers; soft, see [`SoftJoint`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +33,14 @@ impl InverseKinematics {
             self.comforts[bone] = before;
         }
         softened.map_err(|_| IkError::Shape(ArapError::UnusableSoftJoint { joint: bone }))
+    }
+
+    /// The same for bones by their names.
+    pub fn prefer_all(&mut self, bones: &[PreferredBone]) -> Result<(), IkError> {
+        bones.iter().try_for_each(|preferred| {
+            let bone = find_bone(&self.skeleton, &preferred.bone)?;
+            self.prefer(bone, Some(preferred.comfort))
+        })
     }
 
     fn soften(&mut self) -> Result<(), ArapError> {

@@ -33,8 +33,8 @@ const TWIST_SHARE: f32 = 0.05;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
     /// The skeleton has no such bone.
-    #[error("there is no bone {name:?} to pin{}", nearest.as_ref().map_or_else(String::new, |n| format!("; did you mean {n:?}?")))]
-    UnknownPin {
+    #[error("there is no bone {name:?}{}", nearest.as_ref().map_or_else(String::new, |n| format!("; did you mean {n:?}?")))]
+    UnknownBone {
         /// The name given.
         name: String,
         /// A bone whose name differs in case only.
@@ -86,7 +86,7 @@ impl InverseKinematics {
         let skeleton = character.skeleton.clone();
         let mut held = vec![None; skeleton.len()];
         for pin in pins {
-            held[find_pin(&skeleton, &pin.bone)?] = Some(pin.hold);
+            held[find_bone(&skeleton, &pin.bone)?] = Some(pin.hold);
         }
         if pins.is_empty() {
             let roots = skeleton.bones().iter().map(|bone| bone.parent.is_none().then_some(PinHold::Fixed));
@@ -196,10 +196,10 @@ impl PoseCompletion for InverseKinematics {
     }
 }
 
-fn find_pin(skeleton: &Skeleton, name: &str) -> Result<usize, IkError> {
+pub(crate) fn find_bone(skeleton: &Skeleton, name: &str) -> Result<usize, IkError> {
     skeleton.find(name).ok_or_else(|| {
         let alike = skeleton.bones().iter().find(|bone| bone.name.eq_ignore_ascii_case(name));
-        IkError::UnknownPin { name: name.to_owned(), nearest: alike.map(|bone| bone.name.clone()) }
+        IkError::UnknownBone { name: name.to_owned(), nearest: alike.map(|bone| bone.name.clone()) }
     })
 }
 

@@ -22,6 +22,7 @@ mod make_volume;
 mod misfit;
 mod own;
 mod pinned_bone;
+mod preferred_bone;
 mod weight_domain;
 mod weight_warnings;
 
@@ -39,4 +40,5 @@ pub use make_volume::{FlatDomain, Made, MakeError, make_volume};
 pub use misfit::Misfit;
 pub use own::{hand, human, spider};
 pub use pinned_bone::{PinHold, PinnedBone};
+pub use preferred_bone::{PreferredBone, UnknownPreference};
 pub use weight_domain::{DomainKind, HandlePlace, HandleShape, WeightsOn};

@@ -177,7 +177,7 @@ fn a_restart_forgets_and_a_frame_allocates_nothing() {
 #[test]
 fn unknown_pins_are_named() {
     let wrong = InverseKinematics::new(&HUMAN, &pins(&["leftfoot"])).unwrap_err();
-    assert_eq!(wrong, IkError::UnknownPin { name: "leftfoot".into(), nearest: Some("LeftFoot".into()) });
+    assert_eq!(wrong, IkError::UnknownBone { name: "leftfoot".into(), nearest: Some("LeftFoot".into()) });
     assert!(wrong.to_string().contains("did you mean \"LeftFoot\"?"));
 }
 

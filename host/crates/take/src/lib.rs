@@ -46,7 +46,7 @@
 //!
 //! | type | payload |
 //! |---|---|
-//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics (since 1.1) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged: `u16` pinned bones · for each: `text` name |
+//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics, 32 with preferences (both since 1.1) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged 16: `u16` pinned bones · for each: `text` name · if flagged 32 as well: `u16` preferences · for each: `text` |
 //! | 2 skeleton, at most once, before the first pose | `u16` bones · for each: `text` name · `u16` parent, FFFF for a root · rest transform `parent_from_bone`: 3 `f32` translation, 4 `f32` rotation (x, y, z, w), 3 `f32` scale · 3 `f32` tail in the bone's rest frame |
 //! | 3 topology, from here on | `u16` epoch · `u16` parts, at most 4,096 · for each: 12 bytes number · `u8` kind: 1 bend, 2 twist, 3 twist-bend-twist, 4 splitter · `u8` outlets of a splitter, else 0 · `u16` parent, FFFF for the root · `u8` outlet of the parent · `u32` counts a turn |
 //! | 4 calibration, from here on, replaces the former one | `u16` parts · for each: 12 bytes number · `u8` sensors · for each: `u8` flags: 1 zeroed, 2 reversed, 4 turns about the twist axis (else bend) · `u16` count in the rest pose, 0 if not zeroed |

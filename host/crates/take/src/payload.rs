@@ -30,16 +30,19 @@ mod header_flag {
     pub(super) const SEED: u32 = 4;
     pub(super) const UNIX_MICROS: u32 = 8;
     pub(super) const INVERSE_KINEMATICS: u32 = 16;
+    pub(super) const PREFERENCES: u32 = 32;
 }
 
 pub(crate) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), WriteError> {
     let set = |on: bool, flag: u32| if on { flag } else { 0 };
+    let preferences = header.inverse_kinematics.as_ref().map(|ik| &ik.preferences).filter(|words| !words.is_empty());
     out.put_u32(
         set(header.virtual_clock, header_flag::VIRTUAL_CLOCK)
             | set(header.nominal_samples_per_second.is_some(), header_flag::RATE)
             | set(header.seed.is_some(), header_flag::SEED)
             | set(header.unix_micros.is_some(), header_flag::UNIX_MICROS)
-            | set(header.inverse_kinematics.is_some(), header_flag::INVERSE_KINEMATICS),
+            | set(header.inverse_kinematics.is_some(), header_flag::INVERSE_KINEMATICS)
+            | set(preferences.is_some(), header_flag::PREFERENCES),
     );
     out.put_f64(header.nominal_samples_per_second.unwrap_or(0.0));
     out.put_u64(header.seed.unwrap_or(0));
@@ -49,7 +52,10 @@ pub(crate) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), Write
     put_text(out, "the program's version", &header.program_version)?;
     let Some(ik) = &header.inverse_kinematics else { return Ok(()) };
     put_count(out, "the pinned bones", ik.pins.len(), Skeleton::MAX_BONES)?;
-    ik.pins.iter().try_for_each(|name| put_text(out, "a pinned bone's name", name))
+    ik.pins.iter().try_for_each(|name| put_text(out, "a pinned bone's name", name))?;
+    let Some(preferences) = preferences else { return Ok(()) };
+    put_count(out, "what bones prefer", preferences.len(), Skeleton::MAX_BONES)?;
+    preferences.iter().try_for_each(|words| put_text(out, "what a bone prefers", words))
 }
 
 pub(crate) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadError> {
@@ -70,7 +76,9 @@ pub(crate) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadErro
     if flags & header_flag::INVERSE_KINEMATICS != 0 {
         let count = fields.u16("pinned bones")?;
         let pins = (0..count).map(|_| fields.text("pinned bone")).collect::<Result<_, _>>()?;
-        header.inverse_kinematics = Some(InverseKinematicsHeader { pins });
+        let count = if flags & header_flag::PREFERENCES != 0 { fields.u16("preferences")? } else { 0 };
+        let preferences = (0..count).map(|_| fields.text("what a bone prefers")).collect::<Result<_, _>>()?;
+        header.inverse_kinematics = Some(InverseKinematicsHeader { pins, preferences });
     }
     Ok(header)
 }

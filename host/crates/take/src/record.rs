@@ -112,6 +112,8 @@ pub struct Header {
 pub struct InverseKinematicsHeader {
     /// Names of the bones that were held in their place.
     pub pins: Vec<String>,
+    /// What bones preferred, in words that whoever recorded understands.
+    pub preferences: Vec<String>,
 }
 
 impl Header {

@@ -222,7 +222,13 @@ fn only_a_take_with_inverse_kinematics_needs_the_newer_version() {
     };
     assert_eq!(version(None), 0, "as it always was, to the last byte");
     assert_eq!(version(Some(InverseKinematicsHeader::default())), 1);
-    assert_eq!(version(Some(InverseKinematicsHeader { pins: vec!["LeftFoot".into(), "Fuß".into()] })), 1);
+    assert_eq!(
+        version(Some(InverseKinematicsHeader {
+            pins: vec!["LeftFoot".into(), "Fuß".into()],
+            preferences: vec!["Neck:stiff=1".into()]
+        })),
+        1
+    );
 }
 
 #[test]
@@ -371,7 +377,7 @@ proptest! {
         poses in prop::collection::vec(prop::collection::vec(any_transform(), 3), 0..4),
         texts in (".{0,20}", ".{0,20}"),
         numbers in (prop::option::of(0.0..1e6), prop::option::of(any::<u64>()), any::<bool>(), prop::option::of(any::<i64>())),
-        pins in prop::option::of(prop::collection::vec(".{0,20}", 0..3)),
+        pins in prop::option::of((prop::collection::vec(".{0,20}", 0..3), prop::collection::vec(".{0,20}", 0..3))),
     ) {
         let header = Header {
             program_version: texts.0,
@@ -381,7 +387,7 @@ proptest! {
             seed: numbers.1,
             virtual_clock: numbers.2,
             unix_micros: numbers.3,
-            inverse_kinematics: pins.map(|pins| InverseKinematicsHeader { pins }),
+            inverse_kinematics: pins.map(|(pins, preferences)| InverseKinematicsHeader { pins, preferences }),
         };
         let mut writer = TakeWriter::new(Vec::new(), &header).unwrap();
         writer.skeleton(&arm()).unwrap();
