@@ -167,10 +167,14 @@ fn calibration_steps_are_in_the_menu_of_zero() {
         stage.snapshot("9-calibrate");
         stage.click(&format!("Calibrate: {step}"));
         assert_eq!(stage.commands(), [Command::Calibrate(step)]);
-        stage.tell([EngineEvent::Busy { task: format!("{step}: get ready (3 s)"), fraction: None }]);
-        assert!(stage.sees("get ready (3 s)"));
+        let task = format!("Get ready, 3 s: {}", step.instructions()[0]);
+        stage.tell([EngineEvent::Busy { task, fraction: None }]);
+        let instruction = stage.harness.get_by_label_contains("Get ready, 3 s").rect();
+        let cross = stage.harness.get_by_label("Cancel").rect();
+        assert!(instruction.right() <= cross.left() && cross.right() < 1270.0, "{step}: {instruction} {cross}");
+        stage.snapshot("10-instruction");
         stage.tell([EngineEvent::Idle, EngineEvent::Calibrated { step, measured: 40, failed: 0 }]);
-        assert!(!stage.sees("get ready"), "the step is over");
+        assert!(!stage.sees("Get ready"), "the step is over");
     }
 }
 

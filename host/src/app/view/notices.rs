@@ -87,16 +87,18 @@ fn card(ui: &mut Ui, color: Color32, content: impl FnOnce(&mut Ui)) {
 
 /// A bold line, and a cross that closes the card.
 fn title(ui: &mut Ui, text: &str, close_label: &str, close: impl FnOnce()) {
-    ui.horizontal_top(|ui| {
-        let width = ui.available_width() - 26.0;
-        ui.vertical(|ui| {
-            ui.set_width(width);
-            ui.add(egui::Label::new(RichText::new(text).strong()).wrap());
-        });
-        if widgets::close(ui, close_label).clicked() {
-            close();
-        }
+    ui.horizontal_top(|ui| text_and_cross(ui, RichText::new(text).strong(), close_label, close));
+}
+
+fn text_and_cross(ui: &mut Ui, text: RichText, close_label: &str, close: impl FnOnce()) {
+    let width = ui.available_width() - 26.0;
+    ui.vertical(|ui| {
+        ui.set_width(width);
+        ui.add(egui::Label::new(text).wrap());
     });
+    if widgets::close(ui, close_label).clicked() {
+        close();
+    }
 }
 
 fn saved(ui: &mut Ui, take: &SavedTake, actions: &mut Vec<Action>) {
@@ -122,14 +124,9 @@ fn saved(ui: &mut Ui, take: &SavedTake, actions: &mut Vec<Action>) {
 }
 
 fn busy(ui: &mut Ui, task: &str, fraction: Option<f32>, actions: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
+    ui.horizontal_top(|ui| {
         ui.add(egui::Spinner::new().size(14.0).color(theme::ACCENT));
-        ui.label(task);
-        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            if widgets::close(ui, "Cancel").clicked() {
-                actions.push(Action::Cancel);
-            }
-        });
+        text_and_cross(ui, RichText::new(task), "Cancel", || actions.push(Action::Cancel));
     });
     if let Some(fraction) = fraction {
         let bar = egui::ProgressBar::new(fraction.clamp(0.0, 1.0)).desired_height(5.0).fill(theme::ACCENT);
