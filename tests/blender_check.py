@@ -3,17 +3,17 @@
     pip install bpy
     python tests/blender_check.py FILE.glb|FILE.bvh EXPECTED.json
 
-EXPECTED.json holds the names of the bones and, for every clip, the number of frames, their length and where the heads
-of the bones are at some frames, in our own frame (+Y up):
+EXPECTED.json has the names of the bones and, for every clip, the number of frames, their duration and the positions
+of the bones' heads at some frames, in our own axes (+Y up):
 
     {"bones": ["hips", ...],
      "clips": [{"name": "walk", "frames": 100, "frame_seconds": 0.04,
                 "samples": [{"frame": 0, "heads": {"hips": [0, 1, 0], ...}}, ...]}]}
 
-A clip with uneven keys has "seconds": [t0, t1, ...] in place of "frame_seconds". For a BVH file the first clip counts.
-Bone names are compared as a BVH file writes them (blanks and braces as underscores).
+A clip with uneven keys has "seconds": [t0, t1, ...] instead of "frame_seconds". For a BVH file the first clip is used.
+Bone names are compared as written in a BVH file (spaces and braces as underscores).
 
-Exits with 0 if all agrees, 1 if not, 2 if it could not be run.
+Exits with 0 if everything agrees, 1 if not, 2 if it could not be run.
 """
 
 import json
@@ -21,7 +21,7 @@ import os
 import re
 import sys
 
-# Greatest distance of a bone's head from ours, as a fraction of the skeleton's size.
+# Largest allowed distance of a bone's head from ours, as a fraction of the skeleton's size.
 TOLERANCE = 1e-3
 FRAMES_PER_SECOND = 60
 
@@ -79,7 +79,7 @@ def check(bpy, path, expected):
     (import_bvh if is_bvh else import_glb)(bpy, path)
     armatures = [o for o in bpy.data.objects if o.type == "ARMATURE"]
     if len(armatures) != 1:
-        return [f"there are {len(armatures)} armatures, there should be one"]
+        return [f"there are {len(armatures)} armatures, expected 1"]
     armature = armatures[0]
     ours = [plain(n) if is_bvh else n for n in expected["bones"]]
     theirs = [b.name for b in armature.data.bones]
@@ -112,9 +112,9 @@ def check_clip(bpy, armature, action, clip, is_bvh, size):
     if is_bvh and "frame_seconds" in clip:
         render = bpy.context.scene.render
         rate = render.fps / render.fps_base
-        print(f"{clip['name']}: {rate:.4f} frames a second, expected {1 / clip['frame_seconds']:.4f}")
+        print(f"{clip['name']}: {rate:.4f} frames per second, expected {1 / clip['frame_seconds']:.4f}")
         if abs(rate * clip["frame_seconds"] - 1.0) > 1e-3:
-            faults.append(f"{clip['name']}: {rate} frames a second, expected {1 / clip['frame_seconds']}")
+            faults.append(f"{clip['name']}: {rate} frames per second, expected {1 / clip['frame_seconds']}")
     for sample in clip["samples"]:
         number = numbers[sample["frame"]]
         bpy.context.scene.frame_set(int(number), subframe=number - int(number))

@@ -1,4 +1,4 @@
-"""Times Blender's automatic (bone heat) weights, as an independent peer of `armature-weights`.
+"""Times Blender's automatic (bone heat) weights, for comparison with `armature-weights`.
 
     python blender_heat.py mesh.obj skeleton.tgf [weights.f64]
 

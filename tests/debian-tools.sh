@@ -1,5 +1,5 @@
-# Sourced by scripts that need programs which the system may lack: puts Debian packages, and what they depend on, under
-# target/debian-tools and adds them to the paths. Nothing is installed or removed, and no rights are needed.
+# Sourced by scripts that need programs which may be missing: unpacks Debian packages, with their dependencies, under
+# target/debian-tools and adds them to the paths. Nothing is installed or removed, and no privileges are needed.
 #
 #   . tests/debian-tools.sh
 #   debian_tools qemu-system-arm:qemu-system-arm arm-none-eabi-gcc:gcc-arm-none-eabi    # program:package, from the root
@@ -13,26 +13,34 @@ debian_tools() {
       command -v "${pair%%:*}" >/dev/null || wanted+=("${pair#*:}")
   done
   if [ ${#wanted[@]} -gt 0 ]; then
-    command -v apt-get >/dev/null || { echo "missing, and this is no Debian: ${wanted[*]}" >&2; return 1; }
+    command -v apt-get >/dev/null || { echo "missing, and this is not Debian: ${wanted[*]}" >&2; return 1; }
     debian_fetch "${wanted[@]}" || {
-      # The list of packages may be old or missing; only an administrator can renew it.
+      # The package list may be old or missing; only an administrator can update it.
       [ "$(id -u)" = 0 ] && apt-get update -qq && debian_fetch "${wanted[@]}"
     } || {
-      echo "cannot download ${wanted[*]}: renew the list of packages (apt-get update) or install them" >&2
+      echo "cannot download ${wanted[*]}: update the package list (apt-get update) or install them" >&2
       return 1
     }
   fi
   debian_tools_paths
 }
 
-# Packages with what they need and the system lacks; an installation is only simulated to learn that.
+# The same for a package that has files but no program: debian_files avr-libc:usr/lib/avr/include/avr/io.h
+debian_files() {
+  local pair
+  for pair in "$@"; do
+    [ -e "/${pair#*:}" ] || [ -e "$debian_tools_folder/${pair#*:}" ] || debian_unpack "${pair%%:*}" || return 1
+  done
+}
+
+# Packages and their missing dependencies; an installation is only simulated to find those out.
 debian_fetch() {
   local lacking
   lacking=$(apt-get install --simulate --no-install-recommends "$@" | sed -n 's/^Inst \([^ ]*\).*/\1/p') || return 1
   debian_unpack $lacking
 }
 
-# Downloads these packages, without what they depend on, and unpacks them.
+# Downloads these packages, without their dependencies, and unpacks them.
 debian_unpack() {
   local debs=$debian_tools_folder/debs deb
   rm -rf "$debs"

@@ -1,9 +1,9 @@
-"""Times libigl's bounded biharmonic weights, as an independent peer of `armature-weights`.
+"""Times libigl's bounded biharmonic weights, for comparison with `armature-weights`.
 
     python libigl_bbw.py mesh.mesh b.npy bc.npy [weights.npy]
 
 Needs the `libigl` package (`pip install libigl==2.6.3`). Prints one JSON object: seconds, the sum of the energies of all
-handles' weights, and the largest distance of a weight from 0 to 1. Where a fourth file is named, the weights are saved.
+handles' weights, and the largest distance of a weight from 0 to 1. The weights are saved if a fourth file is given.
 """
 
 import json

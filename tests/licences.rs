@@ -1,10 +1,10 @@
-//! Every crate that ends up in a build carries a licence we may ship under MIT.
+//! Every crate that ends up in a build has a licence that allows shipping it under MIT.
 
 use std::path::Path;
 
 use cargo_metadata::MetadataCommand;
 
-/// Permissive licences, and MPL-2.0, whose duties end at the file that carries it.
+/// Permissive licences, and MPL-2.0, whose obligations are limited to the files it covers.
 const ALLOWED: &[&str] = &[
     "0BSD",
     "Apache-2.0",
@@ -20,7 +20,7 @@ const ALLOWED: &[&str] = &[
     "Unicode-3.0",
     "Unlicense",
     "Zlib",
-    // The fonts that egui carries.
+    // The fonts bundled with egui.
     "OFL-1.1",
     "Ubuntu-font-1.0",
 ];

@@ -1,13 +1,13 @@
-"""Reads meshes that we wrote with the readers that others use, and compares every number with ours.
+"""Reads meshes that we wrote with other people's readers, and compares every number with ours.
 
     pip install meshio
     python tests/meshio_check.py EXPECTED.json FILE.mesh FILE.msh FILE.vtu ...
 
-EXPECTED.json holds the mesh: {"vertices": [[x, y, z], ...], "kind": "tetra" or "triangle", "cells": [[a, b, ...], ...],
-"data": {"winding": [...]}}. A `.mesh` file carries no data. Where the `gmsh` package is installed it reads the `.msh`
-files too, and where `vtk` is, it reads the `.vtu` files.
+EXPECTED.json has the mesh: {"vertices": [[x, y, z], ...], "kind": "tetra" or "triangle", "cells": [[a, b, ...], ...],
+"data": {"winding": [...]}}. A `.mesh` file carries no data. If the `gmsh` package is installed, it reads the `.msh`
+files too, and if `vtk` is, it reads the `.vtu` files.
 
-Exits with 0 if all agrees to the last bit, 1 if not, 2 if it could not be run.
+Exits with 0 if everything agrees to the last bit, 1 if not, 2 if it could not be run.
 """
 
 import json

@@ -1,9 +1,9 @@
-"""Times TetGen on a surface and the bones in it, as an independent peer of `armature volume --conforming`.
+"""Times TetGen on a surface and the bones in it, for comparison with `armature volume --conforming`.
 
     python tetgen_volume.py mesh.obj skeleton.tgf
 
-Needs the `tetgen` package (`pip install tetgen==0.8.4`), whose licence does not allow to build it in: it is only ever run
-beside us. Prints one JSON object: seconds, vertices and tetrahedra of TetGen with the switches `pq1.414Y`, on the
+Needs the `tetgen` package (`pip install tetgen==0.8.4`), whose licence does not allow building it in: it is only run
+alongside. Prints one JSON object: seconds, vertices and tetrahedra of TetGen with the switches `pq1.414Y`, on the
 surface and points along every bone, two mean edges apart.
 """
 

@@ -3,7 +3,7 @@
 //   npm install gltf-validator
 //   node tests/validate_gltf.mjs FILE.glb [MORE.glb ...]
 //
-// The package is looked for from the current folder upwards, or in the folder NODE_MODULES names.
+// The package is searched for in the current folder and its parents, or in the folder that NODE_MODULES names.
 
 import { createRequire } from 'node:module';
 import { readFileSync } from 'node:fs';

@@ -5,7 +5,7 @@
  *   int length = armature_unframe(piece, piece_length, plain);
  *   if (length > 0)  message type plain[0], payload plain[1] to plain[length - 1]
  *
- * `plain` needs piece_length bytes. Returns 0 for a piece that is no frame. Include frame.c first. */
+ * `plain` needs piece_length bytes. Returns 0 for a piece that is not a frame. Include frame.c first. */
 
 int armature_unframe(const uint8_t *piece, size_t length, uint8_t *plain)
 {

@@ -1,4 +1,4 @@
-//! How fast samples of 32 three-axis joints are written and read, on one core.
+//! Measures how fast samples of 32 three-axis joints are encoded and decoded, on one core.
 //!
 //! `cargo run --release -p firmware-protocol --example throughput`
 
@@ -29,7 +29,7 @@ fn main() {
     }
     let seconds = started.elapsed().as_secs_f64();
     println!(
-        "encode {:6.0} MB/s, {} bytes a frame",
+        "encode {:6.0} MB/s, {} bytes per frame",
         stream.len() as f64 / seconds / 1e6,
         stream.len() / FRAMES as usize
     );

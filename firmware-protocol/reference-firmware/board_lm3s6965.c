@@ -1,4 +1,4 @@
-/* A Cortex-M3 board (TI LM3S6965 evaluation kit), as QEMU emulates it: UART0 and the system timer. */
+/* A Cortex-M3 board (TI LM3S6965 evaluation kit), as emulated by QEMU: UART0 and the system timer. */
 #include "hardware.h"
 
 #define REGISTER(address) (*(volatile uint32_t *)(address))
@@ -17,7 +17,7 @@
 #define TIMER_VALUE REGISTER(0xE000E018)
 #define INTERRUPT_STATE REGISTER(0xE000ED04)
 
-/* 12.5 MHz after reset: two ticks in 160 ns. */
+/* 12.5 MHz after reset: two ticks per 160 ns. */
 #define CYCLES_PER_MILLI 12500u
 #define RECEIVE_EMPTY 0x10u
 #define TRANSMIT_FULL 0x20u
@@ -38,7 +38,7 @@ void hardware_start(void)
     PORT_A_FUNCTION |= 3;
     PORT_A_DIGITAL |= 3;
     UART_CONTROL = 0;
-    /* 12.5 MHz / (16 * 0.78125) is 1 Mbaud; the emulator has no speed. */
+    /* 12.5 MHz / (16 * 0.78125) is 1 Mbaud; the emulator ignores the speed. */
     UART_DIVISOR = 0;
     UART_FRACTION = 50;
     UART_FORMAT = 0x70; /* 8 bits, no parity, FIFOs on */
@@ -52,7 +52,7 @@ uint64_t hardware_micros(void)
 {
     static uint64_t latest;
     uint32_t low, high, value;
-    /* The timer may pass zero between two looks at it. */
+    /* The timer may pass zero between two readings. */
     do {
         high = millis_high;
         low = millis;
@@ -64,9 +64,19 @@ uint64_t hardware_micros(void)
     return latest;
 }
 
+void hardware_wait(uint64_t until_micros)
+{
+    (void)until_micros;
+}
+
 int hardware_receive(void)
 {
     return (UART_FLAGS & RECEIVE_EMPTY) != 0 ? -1 : (int)(UART_DATA & 0xFF);
+}
+
+uint64_t hardware_received_micros(void)
+{
+    return hardware_micros();
 }
 
 void hardware_send(const uint8_t *bytes, size_t length)
@@ -76,6 +86,10 @@ void hardware_send(const uint8_t *bytes, size_t length)
         }
         UART_DATA = bytes[i];
     }
+}
+
+void hardware_flush(void)
+{
 }
 
 extern uint32_t data_load, data_begin, data_end, bss_begin, bss_end, stack_top;

@@ -1,6 +1,6 @@
-/* A board that is none, for tests on the machine that compiles this: the host's bytes come from standard input, each
- * line "MICROSECONDS HEX", what the firmware sends goes to standard output as it is, and the clock goes on by 100
- * microseconds whenever somebody looks at it. The program ends with the last line's time, which may hold no bytes. */
+/* Not a real board, but one for tests on the computer that compiles this: the host's bytes come from standard input, in
+ * lines "MICROSECONDS HEX", what the firmware sends goes to standard output unchanged, and the clock advances by 100
+ * microseconds whenever it is read. The program ends at the last line's time; that line may have no bytes. */
 #include "hardware.h"
 
 #include <stdio.h>
@@ -44,6 +44,11 @@ uint64_t hardware_micros(void)
     return now;
 }
 
+void hardware_wait(uint64_t until_micros)
+{
+    (void)until_micros;
+}
+
 int hardware_receive(void)
 {
     if (script_is_over || now < due)
@@ -55,7 +60,16 @@ int hardware_receive(void)
     return line[at++];
 }
 
+uint64_t hardware_received_micros(void)
+{
+    return hardware_micros();
+}
+
 void hardware_send(const uint8_t *bytes, size_t count)
 {
     fwrite(bytes, 1, count, stdout);
+}
+
+void hardware_flush(void)
+{
 }

@@ -1,5 +1,5 @@
-//! What the documentation promises for certain: no burst of up to 32 bits on the wire goes unnoticed, wherever it
-//! falls, delimiters included; nor does any run of bytes lost from or put into one frame.
+//! The documentation's firm promise: no burst of up to 32 bits on the wire goes unnoticed, wherever it is, delimiters
+//! included; nor does any run of bytes removed from or inserted into one frame.
 //!
 //! A burst is an error pattern whose first and last wrong bits are at most 31 apart, counted in the order in which a
 //! UART sends them (lowest bit of a byte first).
@@ -28,7 +28,7 @@ fn frames(stream: &[u8]) -> Vec<(u8, Vec<u8>)> {
     found
 }
 
-/// Three frames, short ones and a sample, with the bytes at which each begins.
+/// Three frames, two short ones and a sample, with the bytes at which each begins.
 fn stream_of(middle: &[u8], random: &mut Random) -> (Vec<u8>, [usize; 4]) {
     let first = FrameBuffer::new().encode(&HostMessage::Ping { token: random.next() }).expect("fits").to_vec();
     let last = FrameBuffer::new().encode(&Acknowledge { request: 4 }).expect("fits").to_vec();
@@ -36,8 +36,8 @@ fn stream_of(middle: &[u8], random: &mut Random) -> (Vec<u8>, [usize; 4]) {
     ([&[0], first.as_slice(), middle, &last].concat(), starts)
 }
 
-/// Strikes the stream and checks that just the frames stay whose bytes (delimiter included) were not touched. The
-/// delimiter in front of a frame belongs to the frame before.
+/// Damages the stream and checks that exactly those frames survive whose bytes (delimiter included) were not touched.
+/// The delimiter before a frame belongs to the previous frame.
 fn check(stream: &[u8], starts: [usize; 4], whole: &[(u8, Vec<u8>)], position: usize, pattern: u32) {
     let mut struck = stream.to_vec();
     strike(&mut struck, position, pattern);
@@ -45,8 +45,8 @@ fn check(stream: &[u8], starts: [usize; 4], whole: &[(u8, Vec<u8>)], position: u
         .filter(|&frame| struck[starts[frame]..starts[frame + 1]] == stream[starts[frame]..starts[frame + 1]])
         .map(|frame| &whole[frame])
         .collect();
-    // A frame behind a destroyed delimiter may be lost with the frame before, never the other way round; what is found
-    // must be found whole and in order, and a damaged frame never.
+    // A frame after a destroyed delimiter may be lost with the frame before it, never the other way round; what is
+    // found must be whole and in order, and never a damaged frame.
     let found = frames(&struck);
     let mut expected = untouched.iter();
     for frame in &found {
@@ -104,7 +104,7 @@ fn bursts_that_forge_a_delimiter_are_caught() {
         let (stream, starts) = stream_of(&sample_frame(sequence, 30), &mut random);
         let whole = frames(&stream);
         for at in starts[0]..stream.len() - 5 {
-            // One forged delimiter, with or without damage in the three bytes behind it or before it.
+            // One forged delimiter, with or without damage in the three bytes after or before it.
             for _ in 0..8 {
                 let random_bits = random.next() as u32;
                 let ahead = u32::from(stream[at]) | random_bits << 8;
@@ -184,8 +184,8 @@ fn checksum_errors_and_frames(stream: &[u8]) -> (u64, u64) {
     (decoder.counters().checksum_errors, decoder.counters().frames)
 }
 
-/// The worst case of a forged delimiter: what is behind it begins with its own length, and the checksum of the whole
-/// frame is right for it too, because the register in front of it stands where it began.
+/// The worst case of a forged delimiter: what follows it begins with its own length, and the checksum of the whole
+/// frame is also right for it, because the register before it is in its initial state.
 #[test]
 fn a_rear_piece_with_a_right_checksum_is_caught_by_its_rear_length() {
     let tail_stuffed: Vec<u8> = std::iter::once(31).chain(1..31).collect();
@@ -197,7 +197,7 @@ fn a_rear_piece_with_a_right_checksum_is_caught_by_its_rear_length() {
         let length = seven_bits::<2>(raw_length as u32 + 1);
         let register = length.iter().chain(&head).fold(u32::MAX, |register, &byte| step(register, byte));
         let before_struck = (0..=u8::MAX).find(|&byte| step(0, byte) >> 24 == 0xFF).expect("a byte for it");
-        // Behind the struck byte (value 7) the register is to be all ones.
+        // After the struck byte (value 7) the register must be all ones.
         let wanted = (u32::MAX ^ step(0, before_struck)) << 8 | u32::from(before_struck ^ 7);
         let forcing = bytes_between(register, wanted);
         if forcing.contains(&0) {
@@ -212,18 +212,18 @@ fn a_rear_piece_with_a_right_checksum_is_caught_by_its_rear_length() {
         assert_eq!(seven_bits::<5>(own_sum), sum, "the rear piece has a right checksum");
         let mut struck = [&[0], whole.as_slice()].concat();
         struck[1 + struck_at] ^= 7;
-        assert_eq!(checksum_errors_and_frames(&struck), (0, 0), "and is refused for its length");
+        assert_eq!(checksum_errors_and_frames(&struck), (0, 0), "and is rejected by its length");
         caught += 1;
     }
     assert!(caught > 200);
 }
 
-/// The same for the piece in front of a forged delimiter: it ends with its own length and checksum.
+/// The same for the piece before a forged delimiter: it ends with its own length and checksum.
 #[test]
 fn a_front_piece_with_a_right_checksum_is_caught_by_its_front_length() {
     let front_stuffed = [4, 0x84, 1, 2];
     let front_rear_length = seven_bits::<2>(front_stuffed.len() as u32);
-    // The first byte of the rear length is also the code byte of the run it begins.
+    // The first byte of the rear length is also the code byte of the run that it starts.
     let run_length = usize::from(front_rear_length[0]) - 1;
     let stuffed_length = front_stuffed.len() + 1 + run_length;
     let length = seven_bits::<2>(stuffed_length as u32);

@@ -1,4 +1,4 @@
-//! The documented C reads every golden frame as this crate does, and writes it again byte for byte.
+//! The C code in the documentation reads every golden frame as this crate does, and writes it again byte for byte.
 
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -36,7 +36,7 @@ int main(void)
 }
 "#;
 
-/// Compiles the two files with the sanitizers of the compiler; `None` where there is no compiler.
+/// Compiles the two files with the compiler's sanitizers; `None` if there is no compiler.
 fn program(name: &str) -> Option<std::path::PathBuf> {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"));
     let (source, program) = (folder.join(format!("{name}.c")), folder.join(name));
@@ -52,7 +52,7 @@ fn program(name: &str) -> Option<std::path::PathBuf> {
     Some(program)
 }
 
-/// Type and payload, and the frame written again, of each piece; `None` for a piece that is no frame.
+/// For each piece, type and payload, and the frame written again; `None` for a piece that is not a frame.
 fn read_by_c(program: &std::path::Path, bytes: &[u8]) -> Vec<Option<(Vec<u8>, Vec<u8>)>> {
     let mut child =
         Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the program runs");

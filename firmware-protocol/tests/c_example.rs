@@ -1,10 +1,10 @@
-//! The C of the documentation writes the same frames as this crate.
+//! The C code in the documentation writes the same frames as this crate.
 
 use std::process::Command;
 
 use firmware_protocol::{Encode, EncodeError, FrameBuffer, FrameWriter};
 
-/// Payload byte at this place: without zeros for the first kind, ever more of them for the others.
+/// The payload byte at this position: no zeros for the first kind, ever more of them for the others.
 fn payload_byte(kind: usize, at: usize) -> u8 {
     if kind > 0 && at % (kind * 97) == kind { 0 } else { (at % 255) as u8 + 1 }
 }

@@ -25,6 +25,13 @@ fn fields_added_behind_the_known_ones_are_ignored() {
         HostMessage::Stop,
         HostMessage::Ping { token: 9 },
         HostMessage::Blink { uid: PartUid([3; 12]), duration_millis: 4 },
+        HostMessage::Label {
+            uid: PartUid([3; 12]),
+            kind: PartKind::Bend,
+            sensor_count: 1,
+            outlet_count: 1,
+            counts_per_turn: 9,
+        },
     ];
     for message in host {
         let payload = payload(&message, b"newer");
@@ -59,7 +66,7 @@ fn fields_added_behind_the_known_ones_are_ignored() {
     let Ok(DeviceMessage::Sample(sample)) =
         DeviceMessage::parse(Frame { message_type: message_type::SAMPLE, payload: &longer })
     else {
-        panic!("a sample with more behind it is a sample")
+        panic!("a sample with more after it is still a sample")
     };
     assert_eq!(sample.counts().collect::<Vec<_>>(), [7, 8]);
     assert_eq!(sample.states().collect::<Vec<_>>(), [SensorState::Ok, SensorState::Outlier]);
@@ -93,7 +100,7 @@ fn records_grown_in_a_later_version_are_read_by_their_stated_length() {
 
 #[test]
 fn unknown_types_say_so() {
-    for message_type in [0, 0x08, 0x70, 0xFF] {
+    for message_type in [0, 0x09, 0x70, 0xFF] {
         let frame = Frame { message_type, payload: &[1, 2, 3] };
         assert_eq!(HostMessage::parse(frame), Err(ParseError::UnknownType(message_type)));
         assert_eq!(DeviceMessage::parse(frame), Err(ParseError::UnknownType(message_type)));
@@ -149,7 +156,7 @@ fn a_hello_of_another_major_version_still_tells_its_version() {
     let Ok(DeviceMessage::Hello(hello)) =
         DeviceMessage::parse(Frame { message_type: message_type::HELLO, payload: &[2, 5] })
     else {
-        panic!("two bytes are enough to tell the version")
+        panic!("two bytes are enough for the version")
     };
     assert_eq!((hello.protocol_major, hello.protocol_minor, hello.name), (2, 5, ""));
 }
@@ -164,7 +171,7 @@ fn a_name_that_is_no_text_is_cut_where_it_stops_being_one() {
     assert_eq!(hello.name, "ab");
 }
 
-/// Some stuffing routines write one more code byte behind a run of 254; their frames are understood.
+/// Some stuffing routines write one more code byte after a run of 254; their frames are accepted.
 #[test]
 fn a_needless_last_code_byte_is_accepted() {
     struct Full;

@@ -1,23 +1,23 @@
 //! *Build your own puppet* shows what the reference firmware sends, byte by byte.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use firmware_protocol::{Decoder, DeviceMessage, HostMessage};
+use firmware_protocol::{Decoder, DeviceMessage, FrameBuffer, HostMessage, SampleMessage, SensorState};
 
 const GUIDE: &str = include_str!("../BUILD_YOUR_OWN_PUPPET.md");
 
-/// One thing said in a dump.
+/// One entry of a dump.
 #[derive(Debug)]
 struct Said {
     by_host: bool,
     bytes: Vec<u8>,
-    /// The microseconds that its remark gives.
+    /// The time in microseconds that its remark gives.
     micros: Option<u64>,
 }
 
-/// The content of the blocks with this mark, in order.
+/// The contents of the blocks with this mark, in order.
 fn blocks<'t>(text: &'t str, mark: &str) -> Vec<&'t str> {
     let begin = format!("```{mark}\n");
     text.split(&begin).skip(1).map(|rest| rest.split_once("\n```").expect("each block is closed").0).collect()
@@ -47,7 +47,7 @@ fn said(block: &str) -> Vec<Said> {
     said
 }
 
-/// The conversation of the walk through the protocol; what stands behind it are damaged frames.
+/// The conversation of the protocol walkthrough; damaged frames come after it.
 fn conversation() -> Vec<Said> {
     let walk = GUIDE.split_once("## Check it").expect("the chapter is there").0;
     blocks(walk, "dump").into_iter().flat_map(said).collect()
@@ -79,18 +79,84 @@ fn every_frame_of_the_guide_is_a_message() {
     let device: Vec<&Said> = conversation.iter().filter(|said| !said.by_host).collect();
     let told: Vec<Vec<u8>> = device.iter().map(|said| payload(&said.bytes)).collect();
     assert_eq!(unstuffed.iter().map(|block| bytes_of(block)).collect::<Vec<_>>(), [told[2].clone(), told[5].clone()]);
-    // What the text reads out of them.
+    // What the text reads from them.
     assert_eq!((told[5][0], told[5][15]), (0x84, 15));
     assert!(GUIDE.contains("fifteen sensors") && GUIDE.contains("eight parts"));
 }
 
+/// Eight bits, a start and a stop bit for each byte.
+#[test]
+fn the_guide_states_what_a_line_carries() {
+    let sample = SampleMessage {
+        device_micros: u64::MAX,
+        sequence: u32::MAX,
+        epoch: u16::MAX,
+        counts: &[u16::MAX; 96],
+        states: &[SensorState::Ok; 96],
+    };
+    let bits = 10 * FrameBuffer::new().encode(&sample).expect("it fits a frame").len();
+    let (full, slow) = (bits * 1_000 * 100 / 3_000_000, 115_200 / bits);
+    let line = GUIDE.split_once("A 3 Mbaud line").expect("the line's limits").1.split_once("\n*").expect("they end").0;
+    assert!(line.contains(&format!("{full} % full")), "{full} %");
+    assert!(line.replace('\n', " ").contains(&format!("manages {slow} ")), "{slow} a second");
+}
+
 #[test]
 fn the_reference_firmware_sends_what_the_guide_shows() {
+    let board = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference-firmware/board_script.c");
+    hold_the_conversation("guide_firmware", &[board]);
+}
+
+/// The chip that the guide's board is for: `board_script.c` without what the guide shows.
+const CHIP: &str = r"
+int chip_can_send(void)
+{
+    return 1;
+}
+
+void chip_send(uint8_t byte)
+{
+    putchar(byte);
+}
+";
+
+#[test]
+fn the_board_of_the_guide_holds_the_same_conversation() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let (board, chip) = (folder.join("guide_board.c"), folder.join("guide_chip.c"));
+    let [shown] = blocks(GUIDE, "c board")[..] else { panic!("the guide shows one board") };
+    std::fs::write(&board, shown).unwrap();
+    let script = include_str!("../reference-firmware/board_script.c");
+    // Everything but sending and waiting, under the chip's names.
+    let kept: String = script
+        .split("\n\n")
+        .filter(|function| {
+            !["hardware_wait", "hardware_received_micros", "hardware_send", "hardware_flush"]
+                .iter()
+                .any(|name| function.contains(&format!("{name}(")))
+        })
+        .map(|function| function.to_owned() + "\n\n")
+        .collect();
+    let renamed = kept
+        .replace("uint64_t hardware_micros", "uint32_t chip_micros")
+        .replace("return now;", "return (uint32_t)now;")
+        .replace("hardware_start", "chip_start")
+        .replace("hardware_receive", "chip_receive");
+    let declared = "void chip_start(void);\nuint32_t chip_micros(void);\nint chip_receive(void);\n\
+                    int chip_can_send(void);\nvoid chip_send(uint8_t byte);\n";
+    let include = "#include \"hardware.h\"\n";
+    let renamed = renamed.replace(include, &(include.to_owned() + declared));
+    std::fs::write(&chip, renamed + CHIP).unwrap();
+    hold_the_conversation("guide_board", &[board, chip]);
+}
+
+/// Builds the firmware with these files as its board, tells it what the host says in the guide, and compares the answers.
+fn hold_the_conversation(name: &str, board: &[PathBuf]) {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference-firmware");
-    let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("guide_firmware");
+    let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let mut compiler = Command::new("cc");
-    compiler.args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-o"]).arg(&program);
-    compiler.args(["puppet.c", "synthetic.c", "board_script.c"].map(|file| here.join(file)));
+    compiler.args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-I"]).arg(&here).arg("-o").arg(&program);
+    compiler.args(["puppet.c", "synthetic.c"].map(|file| here.join(file))).args(board);
     let Ok(compiled) = compiler.output() else {
         println!("SKIPPED: there is no C compiler `cc`");
         return;

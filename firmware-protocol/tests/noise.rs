@@ -1,4 +1,4 @@
-//! Noise of every kind in front of, between and inside frames.
+//! Noise of every kind before, between and inside frames.
 
 mod common;
 
@@ -27,14 +27,15 @@ fn hundred_million_random_bytes_hide_no_frame_and_invent_none() {
     while fed < BYTES {
         random.fill(&mut noise);
         fed += noise.len();
-        // Uniform bytes hold a delimiter about every 256 bytes; without most of them the long pieces are tried too.
+        // Uniform bytes contain a delimiter about every 256 bytes; with most of those removed, long pieces are tested
+        // too.
         if fed.is_multiple_of(1 << 17) {
             let keep_one_in = 1 + random.below(2_000);
             noise.iter_mut().filter(|byte| **byte == 0).for_each(|byte| {
                 *byte = u8::from(random.below(keep_one_in) != 0);
             });
         }
-        // Behind noise a frame needs a delimiter in front, as a sender's first byte is.
+        // After noise, a frame needs a delimiter before it, which is the first byte a sender sends.
         let mut burst = [&[0], sample_frame(sent, SENSORS).as_slice(), &sample_frame(sent + 1, SENSORS)].concat();
         burst.extend_from_slice(&noise[..random.below(50)]);
         sent += 2;
@@ -51,7 +52,7 @@ fn hundred_million_random_bytes_hide_no_frame_and_invent_none() {
     assert_eq!(decoder.counters().frames, u64::from(sent));
 }
 
-/// Noise that looks almost like frames: bits flipped all over, pieces of frames joined.
+/// Noise that looks almost like frames: bits flipped everywhere, pieces of frames joined.
 #[test]
 fn a_million_damaged_frames_are_all_refused() {
     let mut random = Random(0x5EED_0002);

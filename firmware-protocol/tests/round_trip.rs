@@ -1,4 +1,4 @@
-//! Whatever can be written is read back the same; whatever bytes come, reading them never panics.
+//! Whatever can be written is read back the same; reading arbitrary bytes never panics.
 
 use firmware_protocol::{
     Decoder, DeviceMessage, Encode, EncodeError, Frame, FrameBuffer, FrameWriter, Hello, HostMessage, MAX_FRAME,

@@ -1,41 +1,43 @@
-//! Whole shapes posed by a handful of points (thesis chapter 7): nothing is said about any bone, only where a few points
-//! of the skin go; the transformations of all bones follow from the shape.
+//! Whole shapes posed by a handful of points (thesis chapter 7): no bone is posed directly. Only where a few points of
+//! the skin go is given, and the transformations of all bones follow from the shape.
 //!
 //! `cargo run --release --example posed_by_few [-- FOLDER]` writes one picture each: an elephant held at its feet and
-//! led by the tip of its trunk; a human by head, hands and soles; the same human on a skeleton of bones that do not hang
-//! together; and a hundred armadillos. Shared meshes are read from `../shared/data` and left out where it is absent.
+//! led by the tip of its trunk; a human led by head, hands and soles; the same human on a skeleton of bones that do not
+//! hang together; and a hundred armadillos. Shared meshes are read from `../shared/data` and left out where it is
+//! absent.
 
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use armature::engine::actor::{Actor, Shape};
-use armature::pictures::{Skinned, View, draw};
-use armature::{characters, inputs};
-use armature_character::{BindSettings, Character};
-use armature_deform::{
+use armature::characters::{self, LoadedCharacter};
+use armature::files::inputs;
+use armature::pictures::{Skinned, View, draw, draw_mesh};
+use armature_character::Character;
+use armature_character::bind::BindSettings;
+use armature_deform::arap::{
     Anchor, ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap, SharedJoint,
 };
-use armature_formats::Model;
-use armature_render::encode_png;
+use armature_formats::model::Model;
+use armature_render::{Material, MeshView, encode_png};
 use armature_rig::{Bone, Skeleton, Transform};
 use glam::{Affine3A, Quat, Vec3};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Steps of the way from rest to the targets; each starts from the pose before, as frames do.
+/// Steps from rest to the targets; each starts from the previous pose, as frames do.
 const WAY: usize = 24;
 const STEPS_ON_THE_WAY: ArapStop = ArapStop { iterations: 100, tolerance: 1e-6 };
-/// As the thesis takes in a frame.
+/// As many as the thesis takes per frame.
 const STEPS_A_FRAME: ArapStop = ArapStop { iterations: 15, tolerance: 0.0 };
 const CROWD: usize = 10;
 
 fn main() -> Outcome<()> {
     let folder = std::env::args().nth(1).map_or_else(|| PathBuf::from("posed-by-few"), PathBuf::from);
     std::fs::create_dir_all(&folder)?;
-    let human = found(characters::find("human", &mut |_| ControlFlow::Continue(())))?.actor;
-    let human = human.character.ok_or("the human has a mesh")?;
+    let human = found(characters::find("human", &mut |_, _| ControlFlow::Continue(())))?.character;
+    let human = human.shape.ok_or("the human has a mesh")?.character;
     reach_up(&human, &human.skeleton, &folder.join("human.png"))?;
     reach_up(&loose_bones(&human)?, &human.skeleton, &folder.join("loose-bones.png"))?;
     match (shared("elephant"), shared("armadillo")) {
@@ -60,8 +62,8 @@ fn shared(name: &str) -> Option<Outcome<Character>> {
         return None;
     }
     let bound = inputs::model(&mesh).and_then(|model| {
-        let go_on = &mut |_| ControlFlow::Continue(());
-        characters::bind_cached(model, &mesh, Some(&bones), &BindSettings::default(), true, go_on)
+        let go_on = &mut |_: &'static str, _: f64| ControlFlow::Continue(());
+        characters::bind_cached(model, b"", &mesh, Some(&bones), &BindSettings::default(), true, go_on)
     });
     Some(found(bound).map(|bound| bound.character))
 }
@@ -70,28 +72,28 @@ fn shared(name: &str) -> Option<Outcome<Character>> {
 fn reduce(character: &Character) -> Outcome<ReducedArap> {
     let skeleton = &character.skeleton;
     let bones = skeleton.len();
-    let mut weights = vec![0.0; character.mesh.vertices.len() * bones];
+    let mut weights = vec![0.0; character.surface.mesh.vertices.len() * bones];
     for (vertex, row) in weights.chunks_exact_mut(bones).enumerate() {
-        character.influences.of_vertex(vertex).for_each(|(bone, w)| row[usize::from(bone)] = f64::from(w));
+        character.surface.influences.of_vertex(vertex).for_each(|(bone, w)| row[usize::from(bone)] = f64::from(w));
     }
     let heads: Vec<[f64; 3]> = skeleton.rest_segments().iter().map(|(head, _)| head.as_dvec3().to_array()).collect();
     let parents = skeleton.bones().iter().enumerate().filter_map(|(bone, b)| Some((bone, b.parent?)));
     let joints: Vec<SharedJoint> =
         parents.map(|(bone, parent)| SharedJoint { handles: [parent, bone], point: heads[bone] }).collect();
     let shape = ArapShape {
-        positions: &character.mesh.vertices,
-        energy: ArapEnergy::SpokesAndRims(&character.mesh.triangles),
+        positions: &character.surface.mesh.vertices,
+        energy: ArapEnergy::SpokesAndRims(&character.surface.mesh.triangles),
         weights: &weights,
         handle_points: &heads,
         joints: &joints,
     };
-    Ok(ReducedArap::precompute(&shape, &ArapSettings::default(), &mut |_| ControlFlow::Continue(()))?)
+    Ok(ReducedArap::precompute(&shape, &ArapSettings::default(), &mut |_, _| ControlFlow::Continue(()))?)
 }
 
 /// The vertex nearest to a point, as something to hold.
 fn held_at(character: &Character, point: Vec3) -> (Anchor, Vec3) {
     let place = |v: &[f64; 3]| Vec3::from_array(v.map(|c| c as f32));
-    let vertices = character.mesh.vertices.iter().map(place).enumerate();
+    let vertices = character.surface.mesh.vertices.iter().map(place).enumerate();
     let (vertex, at) = vertices.min_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point))).unwrap_or_default();
     (Anchor { vertices: [vertex as u32; 3], barycentric: [1.0, 0.0, 0.0] }, at)
 }
@@ -110,14 +112,14 @@ fn lead(character: &Character, pulls: &[(Vec3, Vec3)], view: &View, picture: &Pa
     let mut report = None;
     for step in 1..=WAY {
         let part = step as f32 / WAY as f32;
-        // What a pull says of its own point holds for the vertex beside it.
+        // What a pull reports about its own point holds for the vertex nearest to it.
         let way = held.iter().zip(pulls).map(|((_, at), (from, to))| *at + (*to - *from) * part);
         let targets: Vec<Vec3> = way.collect();
         report = Some(arap.solve(&at_rest, &targets, STEPS_ON_THE_WAY)?);
     }
     let (positions, normals) = skinned(character, arap.transforms())?;
-    let (actor, _) = Actor::of_character(&character.name, character.clone());
-    let shape = actor.shape.as_ref().ok_or("a character has a mesh")?;
+    let (loaded, _) = LoadedCharacter::bound(&character.name, character.clone());
+    let shape = loaded.shape.as_ref().ok_or("a character has a mesh")?;
     std::fs::write(picture, encode_png(&draw(shape, &positions, &normals, view)?.0)?)?;
     println!(
         "{}: {} bones by {} points, {} clusters, prepared in {prepared:.2?}, switched in {switched:.2?}, {:?}",
@@ -133,7 +135,7 @@ fn lead(character: &Character, pulls: &[(Vec3, Vec3)], view: &View, picture: &Pa
 fn skinned(character: &Character, model_from_rest: &[Affine3A]) -> Outcome<Skinned> {
     let rest = character.skeleton.rest_model_from_bone();
     let frames: Vec<Affine3A> = model_from_rest.iter().zip(&rest).map(|(map, rest)| *map * *rest).collect();
-    let (mut positions, mut normals) = (character.rest_positions(), character.normals.clone());
+    let (mut positions, mut normals) = (character.rest_positions(), character.surface.normals.clone());
     character.skin()?.solve(&frames, &mut positions, &mut normals)?;
     Ok((positions, normals))
 }
@@ -159,7 +161,7 @@ fn reach_up(human: &Character, body: &Skeleton, picture: &Path) -> Outcome<()> {
     lead(human, &pulls, &view, picture)
 }
 
-/// The same body on six bones of which none hangs on another.
+/// The same body on six bones, none attached to another.
 fn loose_bones(human: &Character) -> Outcome<Character> {
     let segments = human.skeleton.rest_segments();
     let mut bones = Vec::new();
@@ -171,13 +173,13 @@ fn loose_bones(human: &Character) -> Outcome<Character> {
     }
     let model = Model {
         name: "loose bones".into(),
-        mesh: human.mesh.clone(),
-        normals: Some(human.normals.clone()),
-        base_color: Some(human.base_color),
+        mesh: human.surface.mesh.clone(),
+        normals: Some(human.surface.normals.clone()),
+        materials: human.materials.clone(),
         ..Model::default()
     };
-    let go_on = &mut |_| ControlFlow::Continue(());
-    Ok(armature_character::bind(model, Some(Skeleton::new(bones)?), &BindSettings::default(), go_on)?)
+    let go_on = &mut |_: &'static str, _: f64| ControlFlow::Continue(());
+    Ok(armature_character::bind::bind(model, Some(Skeleton::new(bones)?), &BindSettings::default(), go_on)?)
 }
 
 /// Ends of the skeleton's leaves, lowest first.
@@ -192,7 +194,7 @@ fn leaf_ends(skeleton: &Skeleton) -> Vec<Vec3> {
 /// An elephant stands on its hind feet, holds its forefeet where they are, and lifts the tip of its trunk.
 fn lead_by_the_trunk(elephant: &Character, picture: &Path) -> Outcome<()> {
     let place = |v: &[f64; 3]| Vec3::from_array(v.map(|c| c as f32));
-    let vertices = || elephant.mesh.vertices.iter().map(place);
+    let vertices = || elephant.surface.mesh.vertices.iter().map(place);
     let Some(trunk) = vertices().max_by(|a, b| a.z.total_cmp(&b.z)) else { return Err("the elephant is empty".into()) };
     let top = vertices().map(|v| v.y).fold(f32::MIN, f32::max);
     // Feet are the ends of the skeleton; the highest of these is the top of the head and left alone.
@@ -236,27 +238,26 @@ fn hundred(armadillo: &Character, picture: &Path) -> Outcome<()> {
 }
 
 fn draw_crowd(armadillo: &Character, crowd: &[ReducedArap], picture: &Path) -> Outcome<()> {
-    let vertices = armadillo.mesh.vertices.len() as u32;
-    let mut shape = Shape {
-        positions: Vec::new(),
-        normals: Vec::new(),
-        triangles: Vec::new(),
-        uv: Vec::new(),
-        base_color: Some([0.46, 0.55, 0.42]),
-        texture: None,
-    };
+    let vertices = armadillo.surface.mesh.vertices.len() as u32;
+    let (mut all_positions, mut all_normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
     for (number, each) in crowd.iter().enumerate() {
         let (positions, normals) = skinned(armadillo, each.transforms())?;
         let (row, column) = ((number / CROWD) as f32, (number % CROWD) as f32);
         let turn = Quat::from_rotation_y(0.5 * (1.7 * number as f32).sin());
         let place = Vec3::new(1.15 * (column - 4.5), 0.0, -1.15 * row);
-        shape.positions.extend(positions.iter().map(|p| (turn * Vec3::from(*p) + place).to_array()));
-        shape.normals.extend(normals.iter().map(|n| (turn * Vec3::from(*n)).to_array()));
+        all_positions.extend(positions.iter().map(|p| (turn * Vec3::from(*p) + place).to_array()));
+        all_normals.extend(normals.iter().map(|n| (turn * Vec3::from(*n)).to_array()));
         let first = number as u32 * vertices;
-        shape.triangles.extend(armadillo.mesh.triangles.iter().map(|t| t.map(|v| v + first)));
+        triangles.extend(armadillo.surface.mesh.triangles.iter().map(|t| t.map(|v| v + first)));
     }
-    let (positions, normals) = (shape.positions.clone(), shape.normals.clone());
+    let mesh = MeshView {
+        positions: &all_positions,
+        normals: &all_normals,
+        triangles: &triangles,
+        materials: &[Material::of_color([0.46, 0.55, 0.42])],
+        ..MeshView::default()
+    };
     let view = View { size: [1280, 720], yaw: 0.35, pitch: 0.32, closer: 0.74, floor: None };
-    std::fs::write(picture, encode_png(&draw(&shape, &positions, &normals, &view)?.0)?)?;
+    std::fs::write(picture, encode_png(&draw_mesh(&mesh, &view)?.0)?)?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Draws characters in poses that are hard on weights, with bounded biharmonic weights beside bone heat:
+//! Draws characters in poses that are hard on weights, comparing bounded biharmonic weights with bone heat:
 //! `cargo run --release --example posed_weights -- [FOLDER] [elephant.obj elephant.tgf]`.
 //! The pictures in `host/assets` were made by it.
 
@@ -6,28 +6,29 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use armature::failure::Failure;
+use armature::files::{self, inputs};
 use armature::pictures::draw_scene;
-use armature::slice::text::{Hold, draw_text};
-use armature::{files, inputs};
-use armature_character::{BiharmonicTier, BindError, BindMethod, BindSettings, Character, bind, hand, human, spider};
-use armature_formats::Model;
-use armature_render::{Bounds, Camera, Ground, MeshView, Picture, Scene};
+use armature::pictures::text::{Hold, draw_text};
+use armature_character::Character;
+use armature_character::bind::{BindError, BindMethod, BindSettings, bind};
+use armature_character::handle_weights::BiharmonicTier;
+use armature_character::own::{hand, human, spider};
+use armature_formats::model::Model;
+use armature_render::{Bounds, Camera, Ground, Material, MeshView, Picture, Scene};
 use armature_rig::Skeleton;
 use glam::{Affine3A, Quat, Vec3};
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
 use tiny_skia::{Color, Paint, Pixmap};
 
 const SIDE: u32 = 360;
-/// Height of the words.
+/// Height of the caption.
 const STRIP: u32 = 32;
 
 /// A pose, and where to look.
 struct Shot {
     file: &'static str,
-    /// Bones with what they turn by: an axis of the model and degrees.
+    /// Bones and their rotations: an axis of the model, and degrees.
     turns: &'static [(&'static str, Vec3, f32)],
-    /// Bones around which the picture is framed, and how much wider than them it is.
+    /// Bones that the picture is framed around, and how much wider than them it is.
     around: &'static [&'static str],
     wider: f32,
     yaw: f32,
@@ -123,9 +124,9 @@ fn main() -> Result<(), Failure> {
         println!("{}: shaped, and bound by bone heat, in {seconds:.2} s", own.name);
         let model = Model {
             name: own.name.clone(),
-            mesh: own.mesh.clone(),
-            normals: Some(own.normals.clone()),
-            base_color: Some(own.base_color),
+            mesh: own.surface.mesh.clone(),
+            normals: Some(own.surface.normals.clone()),
+            materials: own.materials.clone(),
             ..Model::default()
         };
         let start = std::time::Instant::now();
@@ -144,7 +145,7 @@ fn main() -> Result<(), Failure> {
 
 fn bound(model: &Model, skeleton: &Skeleton, method: BindMethod) -> Result<Character, Failure> {
     let settings = BindSettings { method, ..BindSettings::default() };
-    bind(model.clone(), Some(skeleton.clone()), &settings, &mut |_| ControlFlow::Continue(()))
+    bind(model.clone(), Some(skeleton.clone()), &settings, &mut |_, _| ControlFlow::Continue(()))
         .map_err(|e| Failure::not_converged(format!("{}: {e}", model.name), ""))
 }
 
@@ -153,7 +154,7 @@ fn draw_all(folder: &Path, biharmonic: &Character, heat: &Character, shots: &[Sh
         let left = draw(biharmonic, shot, "bounded biharmonic weights")?;
         let right = draw(heat, shot, "bone heat")?;
         let path = folder.join(shot.file);
-        files::write(&path, &small_png(&beside(&left, &right))?)?;
+        files::replace(&path, &small_png(&beside(&left, &right))?)?;
         println!("{}", path.display());
     }
     Ok(())
@@ -170,13 +171,13 @@ fn draw(character: &Character, shot: &Shot, words: &str) -> Result<Picture, Fail
     };
     let mut pose = skeleton.rest_pose();
     for &(name, axis, degrees) in shot.turns {
-        // Bones of these skeletons rest without a rotation, so the model's axes are theirs.
+        // Bones of these skeletons have no rest rotation, so the model's axes are theirs.
         pose.parent_from_bone[bone(name)?].rotation = Quat::from_axis_angle(axis, degrees.to_radians());
     }
     let mut model_from_bone = vec![Affine3A::IDENTITY; skeleton.len()];
     pose.forward_kinematics(skeleton, &mut model_from_bone);
     let mut skin = character.skin().map_err(|e| drawing_failed(&e))?;
-    let (mut positions, mut normals) = (character.rest_positions(), character.normals.clone());
+    let (mut positions, mut normals) = (character.rest_positions(), character.surface.normals.clone());
     let whole = Bounds::of(&positions).ok_or_else(|| drawing_failed(&"there are no vertices"))?;
     skin.solve(&model_from_bone, &mut positions, &mut normals).map_err(|e| drawing_failed(&e))?;
     let mut ends = Vec::new();
@@ -191,12 +192,12 @@ fn draw(character: &Character, shot: &Shot, words: &str) -> Result<Picture, Fail
     let bounds = Bounds { min: tight.min - margin, max: tight.max + margin };
     let mut camera = Camera { yaw: shot.yaw, pitch: shot.pitch, ..Camera::default() };
     camera.frame(&bounds, 1.0);
-    let [red, green, blue, _] = character.base_color;
+    let [red, green, blue, _] = character.materials[0].base_color.unwrap_or([1.0; 4]);
     let mesh = MeshView {
         positions: &positions,
         normals: &normals,
-        triangles: &character.mesh.triangles,
-        base_color: Some([red, green, blue].map(|c| c.powf(1.0 / 2.2))),
+        triangles: &character.surface.mesh.triangles,
+        materials: &[Material::of_color([red, green, blue].map(|c| c.powf(1.0 / 2.2)))],
         ..MeshView::default()
     };
     let scene = Scene { mesh, ground: Ground::under(&whole), ..Scene::default() };
@@ -205,7 +206,7 @@ fn draw(character: &Character, shot: &Shot, words: &str) -> Result<Picture, Fail
     Ok(picture)
 }
 
-/// Puts a strip with words on top of a picture.
+/// Puts a strip with a caption above a picture.
 fn label(picture: &mut Picture, words: &str) {
     let Some(mut strip) = Pixmap::new(picture.width, STRIP) else { return };
     strip.fill(Color::from_rgba8(0x16, 0x19, 0x1f, 255));
@@ -217,14 +218,19 @@ fn label(picture: &mut Picture, words: &str) {
     picture.height += STRIP;
 }
 
-/// A PNG as small as can be, without the opacity.
+/// A PNG as small as possible, without opacity.
 fn small_png(picture: &Picture) -> Result<Vec<u8>, Failure> {
     let rgb: Vec<u8> = picture.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-    let mut png = Vec::new();
-    PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
-        .write_image(&rgb, picture.width, picture.height, ExtendedColorType::Rgb8)
-        .map_err(|e| drawing_failed(&e))?;
-    Ok(png)
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, picture.width, picture.height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    encoder.set_filter(png::Filter::Adaptive);
+    let mut writer = encoder.write_header().map_err(|e| drawing_failed(&e))?;
+    writer.write_image_data(&rgb).map_err(|e| drawing_failed(&e))?;
+    writer.finish().map_err(|e| drawing_failed(&e))?;
+    Ok(bytes)
 }
 
 fn beside(left: &Picture, right: &Picture) -> Picture {

@@ -1,7 +1,7 @@
-//! A puppet of eight joints poses a human of over fifty bones: six pictures, on one sheet.
+//! A puppet with eight joints poses a human of over fifty bones: six pictures on one sheet.
 //!
-//! `cargo run --release --example six_poses [-- SHEET.png]` performs each pose on a simulated puppet over the whole
-//! way (wire, session, mapping proposed by shape, inverse kinematics, skinning) and draws what comes out of it.
+//! `cargo run --release --example six_poses [-- SHEET.png]` performs each pose on a simulated puppet, all the way
+//! through (wire, session, mapping proposed by shape, inverse kinematics, skinning), and draws the result.
 
 use std::error::Error;
 use std::f64::consts::FRAC_PI_2;
@@ -9,21 +9,20 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use armature::characters;
-use armature::engine::actor::Actor;
-use armature::engine::completion::{IkArgs, IkMode};
-use armature::engine::perform::{Plan, perform};
-use armature::engine::performance::{Performance, ZeroPolicy};
-use armature::engine::virtual_clock::VirtualPuppet;
+use armature::characters::inverse_kinematics::{IkArgs, IkMode};
+use armature::characters::{self, LoadedCharacter};
+use armature::engine::command::RunPlan;
+use armature::engine::drive::drive_run;
+use armature::engine::machine::{Engine, EngineSettings};
+use armature::engine::puppeteer::ZeroPolicy;
+use armature::engine::sources::VirtualSource;
 use armature::pictures::{View, draw};
 use armature_render::{Picture, encode_png};
-use armature_rig::Calibration;
 use armature_sim::rotation::{IDENTITY, about, product};
 use armature_sim::{Body, JointTrack, Motion, Puppet, PuppetSettings, Rotation, TrackEnd};
-use armature_take::Header;
 
 const SAMPLES_PER_SECOND: f64 = 200.0;
-/// The puppet is held at rest, brought into the pose, and held there.
+/// The puppet is held at rest, moved into the pose, and held there.
 const REST_SECONDS: f64 = 0.1;
 const MOVE_SECONDS: f64 = 0.8;
 const HOLD_SECONDS: f64 = 0.6;
@@ -40,10 +39,11 @@ struct PuppetPose {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let sheet = std::env::args().nth(1).map_or_else(|| PathBuf::from("host/assets/six-poses.png"), PathBuf::from);
-    let actor = Arc::new(characters::find("human", &mut |_| ControlFlow::Continue(())).map_err(|f| f.what)?.actor);
+    let found = characters::find("human", &mut |_, _| ControlFlow::Continue(())).map_err(|f| f.what)?;
+    let human = Arc::new(found.character);
     let mut tiles = Vec::new();
     for pose in poses() {
-        let tile = picture(&actor, &pose)?;
+        let tile = picture(&human, &pose)?;
         tiles.push(tile);
     }
     if let Some(folder) = sheet.parent().filter(|f| !f.as_os_str().is_empty()) {
@@ -54,18 +54,21 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn picture(actor: &Arc<Actor>, pose: &PuppetPose) -> Result<Picture, Box<dyn Error>> {
+fn picture(human: &Arc<LoadedCharacter>, pose: &PuppetPose) -> Result<Picture, Box<dyn Error>> {
     let ik = IkArgs { ik: IkMode::On, pin: pose.pins.iter().map(ToString::to_string).collect(), ..IkArgs::default() };
-    let performance = Performance::new(actor.clone(), None, Calibration::default(), ZeroPolicy::AtStart)
-        .and_then(|performance| performance.with_inverse_kinematics(&ik))
-        .map_err(|f| f.what)?;
-    let source = VirtualPuppet::of(Puppet::new(settings(pose)?).map_err(|e| e.to_string())?, SAMPLES_PER_SECOND);
-    let plan =
-        Plan { seconds: Some(REST_SECONDS + MOVE_SECONDS + HOLD_SECONDS), record: None, header: Header::default() };
-    let (performance, summary) = perform(source, performance, &plan, &mut |_, _| ()).map_err(|f| f.what)?;
-    println!("{:<8} {}", pose.name, summary.roles.unwrap_or_default());
-    let shape = actor.shape.as_ref().ok_or("the human has a mesh")?;
-    let (positions, normals) = performance.skinned();
+    let mut engine = Engine::new(EngineSettings {
+        samples_per_second: SAMPLES_PER_SECOND,
+        zero_policy: ZeroPolicy::AtStart,
+        ik,
+        ..EngineSettings::default()
+    });
+    let puppet = Puppet::new(settings(pose)?).map_err(|e| e.to_string())?;
+    let mut source = VirtualSource::of(puppet, SAMPLES_PER_SECOND);
+    let plan = RunPlan { seconds: Some(REST_SECONDS + MOVE_SECONDS + HOLD_SECONDS), ..RunPlan::default() };
+    let summary = drive_run(&mut engine, &mut source, human.clone(), "sim:human8", plan, &mut |_| ());
+    println!("{:<8} {}", pose.name, summary.map_err(|f| f.what)?.roles.unwrap_or_default());
+    let shape = human.shape.as_ref().ok_or("the human has a mesh")?;
+    let (positions, normals) = engine.puppeteer().ok_or("the human was loaded")?.skinned();
     let view = View { size: TILE, yaw: pose.yaw, pitch: 0.1, closer: 0.92, floor: pose.floor };
     Ok(draw(shape, positions, normals, &view)?.0)
 }
@@ -83,8 +86,9 @@ fn settings(pose: &PuppetPose) -> Result<PuppetSettings, Box<dyn Error>> {
     Ok(PuppetSettings { motion: Motion::Track(track), rest_micros, ..PuppetSettings::new(body) })
 }
 
-/// Joints' frames: about x a limb bends (a leg or arm forwards by negative angles), about y it twists, about z it goes
-/// sideways (a left arm down by positive angles, a right one by negative ones). See `armature_sim`'s procedural motions.
+/// The joints' frames: a limb bends about x (a leg or arm forwards by negative angles), twists about y, and moves
+/// sideways about z (a left arm down by positive angles, a right one by negative ones). See `armature_sim`'s procedural
+/// motions.
 fn poses() -> Vec<PuppetPose> {
     let bend = |angle| about(0, angle);
     let arm = |side: f64, forward: f64, down: f64| product(about(1, -side * forward), about(2, side * down));
@@ -182,7 +186,7 @@ fn poses() -> Vec<PuppetPose> {
     ]
 }
 
-/// Pictures of one size side by side, row by row.
+/// Pictures of one size side by side, in rows.
 fn on_one_sheet(tiles: &[Picture], columns: usize) -> Picture {
     let Some(first) = tiles.first() else { return Picture { width: 0, height: 0, rgba: Vec::new() } };
     let (width, height) = (first.width as usize, first.height as usize);

@@ -1,5 +1,5 @@
-//! Stretchable, twistable bones beside linear blending and dual quaternions (thesis figures 6.7 and 6.8): a hand turned
-//! by half a turn, and an arm that is pulled longer.
+//! Stretchable, twistable bones compared with linear blending and dual quaternions (thesis figures 6.7 and 6.8): a hand
+//! given half a turn, and an arm that is stretched.
 //!
 //! `cargo run --release --example twisted_and_stretched [-- FOLDER]` binds the human's left arm and hand to three
 //! bones by bounded biharmonic weights, whose ends are told apart by those of its joints (thesis eq. 6.7), and writes
@@ -11,16 +11,20 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use armature::pictures::draw_scene;
-use armature_character::{
-    BiharmonicTier, Character, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightsOn,
-    handle_weights, human,
+use armature_character::Character;
+use armature_character::handle_weights::{
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightsOn, handle_weights,
 };
-use armature_deform::{
+use armature_character::own::human;
+use armature_deform::skin::{
     BoneBlend, BoneSegment, DualQuaternionSkin, LinearBlendSkin, SkinError, StretchTwist, StretchTwistSkin,
 };
 use armature_geometry::Influences;
-use armature_render::{Bounds, Camera, Ground, MeshView, Picture, Scene, encode_png};
-use armature_weights::{WeightMatrix, endpoint_weights_from_joints, endpoint_weights_of_influences, sparsify};
+use armature_render::{Bounds, Camera, Ground, Material, MeshView, Picture, Scene, encode_png};
+use armature_weights::WeightMatrix;
+use armature_weights::endpoints::{endpoint_weights_from_joints, endpoint_weights_of_influences};
+use armature_weights::finish::sparsify;
+use armature_weights::handles::FREE_NEAR_JOINTS;
 use glam::{Affine3A, Quat, Vec3};
 
 const ARM: [&str; 3] = ["LeftUpperArm", "LeftLowerArm", "LeftHand"];
@@ -95,7 +99,7 @@ impl Rig {
         self.segments.iter().map(still).collect()
     }
 
-    /// The hand turned half round; the forearm goes along little by little.
+    /// The hand given half a turn; the forearm follows gradually.
     fn twisted(&self) -> Vec<StretchTwist> {
         let [_, lower, hand] = self.arm;
         let forearm = (self.segments[lower].end - self.segments[lower].start).normalize();
@@ -105,7 +109,7 @@ impl Rig {
         pose
     }
 
-    /// Every bone of the arm longer, one after the other.
+    /// Every bone of the arm lengthened, one after the other.
     fn stretched(&self) -> Vec<StretchTwist> {
         let mut pose = self.at_rest();
         let mut start = self.segments[self.arm[0]].start;
@@ -119,7 +123,7 @@ impl Rig {
 
     /// Linear blending, dual quaternions, and bones that stretch and twist over dual quaternions.
     fn sheet(&self, pose: &[StretchTwist], pitch: f32) -> Result<Picture, Box<dyn Error>> {
-        let (rest, normals) = (self.character.rest_positions(), &self.character.normals);
+        let (rest, normals) = (self.character.rest_positions(), &self.character.surface.normals);
         let rest_frames: Vec<Affine3A> = self.segments.iter().map(|s| Affine3A::from_translation(s.start)).collect();
         let frames: Vec<Affine3A> = pose.iter().zip(&self.segments).map(|(pose, bone)| frame(pose, bone)).collect();
         let mut linear = LinearBlendSkin::precompute(&rest, normals, &self.influences, &rest_frames)?;
@@ -161,12 +165,12 @@ impl Rig {
         let bounds = Bounds { min: tight.min, max: tight.max + 0.2 * (tight.max - tight.min) };
         let mut camera = Camera { yaw: 0.0, pitch, ..Camera::default() };
         camera.frame(&bounds, TILE[0] as f32 / TILE[1] as f32);
-        let [red, green, blue, _] = self.character.base_color;
+        let [red, green, blue, _] = self.character.materials[0].base_color.unwrap_or([1.0; 4]);
         let mesh = MeshView {
             positions,
             normals,
-            triangles: &self.character.mesh.triangles,
-            base_color: Some([red, green, blue].map(|c| c.powf(1.0 / 2.2))),
+            triangles: &self.character.surface.mesh.triangles,
+            materials: &[Material::of_color([red, green, blue].map(|c| c.powf(1.0 / 2.2)))],
             ..MeshView::default()
         };
         let whole = Bounds::of(positions).ok_or("no vertices")?;
@@ -175,7 +179,7 @@ impl Rig {
     }
 }
 
-/// What blending as such makes of a stretched bone: scaled along itself as a whole (thesis eq. 6.3).
+/// What plain blending does with a stretched bone: scales all of it along itself (thesis eq. 6.3).
 fn frame(pose: &StretchTwist, bone: &BoneSegment) -> Affine3A {
     let along = Quat::from_rotation_arc(Vec3::X, (bone.end - bone.start).normalize());
     let scale = Affine3A::from_quat(along)
@@ -192,9 +196,11 @@ fn weights(
     let named = |(number, place): (usize, HandlePlace)| HandleShape { name: number.to_string(), place };
     let shapes: Vec<HandleShape> = places.into_iter().enumerate().map(named).collect();
     let on = WeightsOn::Volume { vertices: 20_000 };
-    let settings = HandleWeightsSettings { tier: BiharmonicTier::Interactive, on, partition };
+    let settings =
+        HandleWeightsSettings { tier: BiharmonicTier::Interactive, on, partition, joint_release: FREE_NEAR_JOINTS };
     let go_on = &mut |_, _| ControlFlow::Continue(());
-    Ok(handle_weights(&character.mesh, None, Held::Shapes { shapes: &shapes, cage: &[] }, &settings, go_on)?.weights)
+    Ok(handle_weights(&character.surface.mesh, None, Held::Shapes { shapes: &shapes, cage: &[] }, &settings, go_on)?
+        .weights)
 }
 
 fn one_above_the_other(tiles: &[Picture]) -> Picture {

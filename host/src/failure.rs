@@ -1,9 +1,9 @@
-//! The one way the program tells a user that something went wrong.
+//! How the program reports that something went wrong.
 
 use std::fmt;
 use std::process::ExitCode;
 
-/// What kind of trouble it was. Scripts rely on the exit codes.
+/// The kind of trouble. Scripts rely on the exit codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FailureKind {
     /// Exit code 2: the command line asks for something that does not exist.
@@ -35,7 +35,7 @@ pub struct Failure {
     pub kind: FailureKind,
     /// One sentence with the file and the place.
     pub what: String,
-    /// One sentence that says what to do; empty where `what` already does.
+    /// One sentence that says what to do; empty if `what` already does.
     pub remedy: String,
 }
 

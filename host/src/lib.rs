@@ -1,22 +1,20 @@
-//! The program `armature`: command line, engine and window. The only place where all rooms meet.
+//! The program `armature`: command line, engine and window. The only package that uses all crates.
 
+// Printing problems must not end the work: `terminal::streams` prints.
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
+#[cfg(feature = "window")]
 pub mod app;
 pub mod bench;
 pub mod characters;
 pub mod cli;
 pub mod commands;
-pub mod decoding;
+pub(crate) mod descriptors;
 pub mod engine;
-pub mod exports;
 pub mod failure;
 pub mod files;
-pub mod inputs;
-pub mod interrupt;
 pub mod pictures;
+pub mod program;
 pub mod settings;
-pub mod slice;
 pub mod takes;
-pub mod talk;
-pub mod volumes;
-pub mod weight_picture;
-pub mod words;
+pub mod terminal;

@@ -13,19 +13,26 @@ pub fn calibration_file() -> Option<PathBuf> {
     directories::ProjectDirs::from("", "", "armature").map(|d| d.config_dir().join("calibration.toml"))
 }
 
-/// Where the window puts takes: in the user's documents or home.
-pub fn takes_folder() -> PathBuf {
+/// Where the window puts takes: a folder in the user's documents or home, created when first needed.
+pub fn takes_folder() -> Result<PathBuf, Failure> {
     let documents =
         directories::UserDirs::new().map(|d| d.document_dir().unwrap_or_else(|| d.home_dir()).to_path_buf());
-    documents.unwrap_or_default().join("Armature takes")
+    let folder = documents.unwrap_or_default().join("Armature takes");
+    match std::fs::create_dir_all(&folder) {
+        Ok(()) => Ok(folder),
+        Err(e) => Err(Failure::input(
+            format!("the folder {} cannot be made: {e}", folder.display()),
+            "make room for it, or its parent writable",
+        )),
+    }
 }
 
-/// Reads a calibration; a file that does not exist yet is an empty one.
+/// Reads a calibration; a file that does not exist yet counts as empty.
 pub fn read_calibration(path: &Path) -> Result<Calibration, Failure> {
     if !path.exists() {
         return Ok(Calibration::default());
     }
-    let read = armature_formats::read_calibration(&files::read(path)?);
+    let read = armature_formats::settings::read_calibration(&files::read(path)?);
     read.map_err(|e| {
         let mut failure = Failure::from(e.in_file(&path.display().to_string()));
         let backup = backup_of(path);
@@ -36,18 +43,18 @@ pub fn read_calibration(path: &Path) -> Result<Calibration, Failure> {
     })
 }
 
-/// Writes a calibration, so that a failure or a crash at any moment leaves a whole one: the former one is kept beside it
-/// as `.bak`. One that has not changed is not written.
+/// Writes a calibration so that a failure or a crash at any moment leaves a complete one: the previous one is kept
+/// beside it as `.bak`. An unchanged one is not written.
 pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), Failure> {
-    let text = armature_formats::write_calibration(calibration);
+    let text = armature_formats::settings::write_calibration(calibration);
     if path.exists() {
         let former = files::read(path)?;
         if former == text.as_bytes() {
             return Ok(());
         }
-        files::write(&backup_of(path), &former)?;
+        files::replace(&backup_of(path), &former)?;
     }
-    files::write(path, text.as_bytes())
+    files::replace(path, text.as_bytes())
 }
 
 fn backup_of(path: &Path) -> PathBuf {
@@ -58,7 +65,8 @@ fn backup_of(path: &Path) -> PathBuf {
 
 /// Reads a mapping.
 pub fn read_mapping(path: &Path) -> Result<Mapping, Failure> {
-    armature_formats::read_mapping(&files::read(path)?).map_err(|e| e.in_file(&path.display().to_string()).into())
+    armature_formats::settings::read_mapping(&files::read(path)?)
+        .map_err(|e| e.in_file(&path.display().to_string()).into())
 }
 
 /// The wall clock, microseconds since 1970 UTC.
@@ -89,13 +97,13 @@ mod tests {
         write_calibration(&path, &zeroed(2)).unwrap();
         write_calibration(&path, &zeroed(2)).unwrap();
         assert_eq!(read_calibration(&path).unwrap(), zeroed(2));
-        assert_eq!(read_calibration(&backup_of(&path)).unwrap(), zeroed(1), "an unchanged one is no new backup");
-        // Somebody's editor died in the middle.
+        assert_eq!(read_calibration(&backup_of(&path)).unwrap(), zeroed(1), "an unchanged one makes no new backup");
+        // An editor crashed while saving.
         std::fs::write(&path, "version = 2\n[[part").unwrap();
         let failure = read_calibration(&path).unwrap_err();
         assert!(failure.remedy.contains("calibration.toml.bak"), "{failure}");
-        // The disk takes nothing more: a folder stands where the new file is to be written first.
-        std::fs::write(&path, armature_formats::write_calibration(&zeroed(2))).unwrap();
+        // The disk accepts nothing more: a folder is in place of the file that would be written first.
+        std::fs::write(&path, armature_formats::settings::write_calibration(&zeroed(2))).unwrap();
         std::fs::create_dir(folder.join(format!("calibration.toml.{}.part", std::process::id()))).unwrap();
         assert!(write_calibration(&path, &zeroed(3)).is_err());
         assert_eq!(read_calibration(&path).unwrap(), zeroed(2));

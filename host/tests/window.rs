@@ -1,14 +1,17 @@
 //! The window with a scripted engine: clicks become commands, events become labels.
 //!
-//! With `ARMATURE_SNAPSHOTS=FOLDER` the windows are also written as PNG files, to look at.
+//! With `ARMATURE_SNAPSHOTS=FOLDER` the windows are also written as PNG files for viewing.
 
 mod puppets;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
 
-use armature::app::engine::{CharacterChoice, Command, EngineEvent, EngineLink, FoundDevice, Problem, link};
 use armature::app::{Start, Window};
+use armature::engine::command::{CharacterChoice, Command};
+use armature::engine::event::{EngineEvent, FoundDevice, Problem};
+use armature::engine::link::{EngineLink, link};
 use armature_rig::CalibrationStep;
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, pos2};
 use egui_kittest::Harness;
@@ -103,7 +106,7 @@ fn connected() -> Stage {
 #[test]
 fn an_empty_window_teaches_what_to_do() {
     let mut stage = Stage::open(Start::default());
-    assert_eq!(stage.commands(), [Command::ListDevices, Command::LoadCharacter(CharacterChoice::Human)]);
+    assert_eq!(stage.commands(), [Command::ListDevices, Command::LoadCharacter(CharacterChoice::BuiltIn("human"))]);
     assert!(stage.sees("Start a simulated one above"));
     stage.tell([EngineEvent::Busy { task: "Making the human".into(), fraction: Some(0.4) }]);
     assert!(stage.sees("Making the human"));
@@ -146,6 +149,9 @@ fn zero_and_record_by_click_and_by_key() {
     stage.click("Record");
     assert_eq!(stage.commands(), [Command::StartRecording]);
     stage.tell([EngineEvent::Recording { seconds: 12.44, samples: 4976 }]);
+    stage.press(Key::Z);
+    stage.press(Key::Space);
+    assert_eq!(stage.commands(), [], "no key re-zeroes or disconnects in the middle of a take");
     stage.snapshot("4-recording");
     stage.click("Stop");
     stage.press(Key::R);
@@ -187,6 +193,22 @@ fn what_the_line_does_to_the_stream_is_counted_at_the_bottom() {
 }
 
 #[test]
+fn shortcuts_work_after_tab_and_ignore_a_held_key() {
+    let mut stage = connected();
+    // Some button gets the keyboard focus.
+    stage.press(Key::Tab);
+    stage.press(Key::R);
+    assert_eq!(stage.commands(), [Command::StartRecording]);
+    stage.tell([EngineEvent::Recording { seconds: 0.1, samples: 20 }]);
+    for repeat in [true, true, false] {
+        let modifiers = Modifiers::NONE;
+        stage.harness.event(Event::Key { key: Key::R, physical_key: None, pressed: true, repeat, modifiers });
+        stage.harness.run_steps(2);
+    }
+    assert_eq!(stage.commands(), [Command::StopRecording], "only the press counts, not its repetitions");
+}
+
+#[test]
 fn without_a_puppet_there_is_nothing_to_zero_or_record() {
     let mut stage = Stage::open(Start::default());
     stage.commands();
@@ -215,7 +237,7 @@ fn a_joint_shows_its_bone_its_states_and_blinks() {
 #[test]
 fn a_click_on_the_character_selects_the_joint() {
     let mut stage = connected();
-    // The spine is seen there from the camera's first place; see the snapshot `3-live`.
+    // The spine is visible there from the camera's initial position; see the snapshot `3-live`.
     stage.click_at(pos2(766.0, 245.0));
     assert_eq!(stage.harness.state().state().selected, Some(1), "the spine");
     stage.click_at(pos2(1200.0, 500.0));
@@ -237,20 +259,20 @@ fn a_problem_comes_with_its_remedy_and_goes_when_dismissed() {
 
 #[test]
 fn characters_are_chosen_by_click_and_on_the_command_line() {
-    let start = Start { device: Some("sim:hand".into()), character: CharacterChoice::Hand };
+    let start = Start { device: Some("sim:hand".into()), character: CharacterChoice::BuiltIn("hand") };
     let mut stage = Stage::open(start);
     let first = stage.commands();
-    assert!(first.contains(&Command::LoadCharacter(CharacterChoice::Hand)));
+    assert!(first.contains(&Command::LoadCharacter(CharacterChoice::BuiltIn("hand"))));
     assert!(first.contains(&Command::Connect("sim:hand".into())));
     stage.tell([EngineEvent::Disconnected { problem: None }]);
-    // The first of a name is the simulated puppet's button, the second the character's.
+    // The first match of a name is the simulated puppet's button, the second the character's.
     let mut click_nth = |label: &str, nth: usize| {
         stage.harness.get_all_by_label(label).nth(nth).expect("both buttons").click();
         stage.harness.run_steps(2);
         stage.commands()
     };
-    assert_eq!(click_nth("Spider", 1), [Command::LoadCharacter(CharacterChoice::Spider)]);
-    let human = [Command::LoadCharacter(CharacterChoice::Human), Command::Connect("sim:human".into())];
+    assert_eq!(click_nth("Spider", 1), [Command::LoadCharacter(CharacterChoice::BuiltIn("spider"))]);
+    let human = [Command::LoadCharacter(CharacterChoice::BuiltIn("human")), Command::Connect("sim:human".into())];
     assert_eq!(click_nth("Human", 0), human, "a simulated human comes with a human to look at");
 }
 
@@ -261,4 +283,24 @@ fn an_engine_that_ends_is_not_silence() {
     harness.get_by_label("Zero").click();
     harness.run_steps(3);
     assert!(harness.query_by_label_contains("The engine of this program has stopped").is_some());
+}
+
+#[test]
+fn waiting_and_working_draw_little() {
+    let mut stage = Stage::open(Start::default());
+    stage.tell([EngineEvent::CharacterLoaded(Arc::new(puppets::character()))]);
+    stage.commands();
+    let until_next_frame = |stage: &mut Stage| {
+        // What appears fades in.
+        stage.harness.run_steps(30);
+        let delays = stage.harness.output().viewport_output.values().map(|viewport| viewport.repaint_delay);
+        delays.min().expect("a window")
+    };
+    stage.click("Connect");
+    assert!(stage.sees("Connecting to sim:human"));
+    let connecting = until_next_frame(&mut stage);
+    assert!(connecting >= Duration::from_secs(1), "nothing moves while connecting: {connecting:?}");
+    stage.tell([EngineEvent::Busy { task: "Computing weights".into(), fraction: Some(0.4) }]);
+    let busy = until_next_frame(&mut stage);
+    assert!(busy >= Duration::from_millis(200), "the work needs the processor: {busy:?}");
 }

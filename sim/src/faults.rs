@@ -1,31 +1,53 @@
 //! What can go wrong, and how often it did.
 
-/// Faults to emulate. Times are microseconds since the emulation's first step; all chances are drawn from the seed.
+/// Faults to emulate. Times are in microseconds since the emulation's first step; all chances are drawn from the seed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// Chance for each sent byte that one of its bits is flipped.
+    /// Chance that one bit of a sent byte is flipped.
     pub bit_flip: f64,
-    /// Chance for each sent byte to get lost.
+    /// Chance that a sent byte is lost.
     pub byte_drop: f64,
-    /// Chance for each sent byte to come twice.
+    /// Chance that a sent byte arrives twice.
     pub byte_duplicate: f64,
-    /// Times in which the line carries noise in place of everything sent.
+    /// Periods in which the line carries noise instead of everything sent.
     pub noise: Vec<NoiseBurst>,
-    /// Sensors that misbehave for a time.
+    /// Sensors that misbehave for a while.
     pub sensors: Vec<SensorFault>,
-    /// Chance for each reading of each sensor to be a wild value, marked as outlier.
+    /// Chance for each reading of each sensor to be a wild value, marked as an outlier.
     pub outlier: f64,
     /// Chance for each reading of each sensor to be a wild value that is *not* marked.
     pub hidden_outlier: f64,
-    /// Parts that are pulled out, with all that hangs on them.
+    /// Parts that are pulled out, with everything attached to them.
     pub unplugged: Vec<Unplugging>,
-    /// How much faster the device's clock runs than time, in millionths.
+    /// How much too fast the device's clock runs, parts per million.
     pub clock_drift_ppm: f64,
-    /// When the device loses power and starts anew.
+    /// What the device's clock does wrong.
+    pub clock: Vec<ClockFault>,
+    /// When the device loses power and restarts.
     pub restarts: Vec<u64>,
 }
 
-/// A time in which the line carries noise.
+/// A clock that shows a wrong time for a while.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClockFault {
+    /// When it begins.
+    pub at_micros: u64,
+    /// For how long; `None`: until the end.
+    pub for_micros: Option<u64>,
+    /// What it does.
+    pub kind: ClockFaultKind,
+}
+
+/// How a clock is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClockFaultKind {
+    /// It shows this many microseconds more, or less.
+    Steps(i64),
+    /// It shows the same time all the while.
+    Stands,
+}
+
+/// A period in which the line carries noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NoiseBurst {
     /// When it begins.
@@ -34,7 +56,7 @@ pub struct NoiseBurst {
     pub duration_micros: u64,
 }
 
-/// A sensor that misbehaves for a time.
+/// A sensor that misbehaves for a while.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SensorFault {
     /// The sensor, numbered over the whole puppet ([`Body::sensors`](crate::Body::sensors)).
@@ -50,7 +72,7 @@ pub struct SensorFault {
 /// How a sensor misbehaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorFaultKind {
-    /// Its count stays as it was and claims to be good.
+    /// Its count freezes but claims to be good.
     Stuck,
     /// It does not answer.
     NoData,
@@ -58,14 +80,14 @@ pub enum SensorFaultKind {
     MagnetWeak,
 }
 
-/// A part that is pulled out for a time.
+/// A part that is pulled out for a while.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unplugging {
     /// The part.
     pub part: usize,
     /// When it is pulled out.
     pub at_micros: u64,
-    /// After how long it is plugged in again, in the same place; `None` for never.
+    /// How long until it is plugged in again, in the same place; `None` for never.
     pub for_micros: Option<u64>,
 }
 
@@ -74,7 +96,7 @@ pub struct Unplugging {
 pub struct Truth {
     /// Frames of all kinds put on the line.
     pub frames_sent: u64,
-    /// Frames of which a receiver cannot get the right bytes between the right delimiters.
+    /// Frames that no receiver can recover between the right delimiters.
     pub frames_damaged: u64,
     /// Samples taken, whether sent or not: the sequence numbers used.
     pub samples_taken: u64,
@@ -82,13 +104,13 @@ pub struct Truth {
     pub samples_sent: u64,
     /// Samples among `frames_damaged`.
     pub samples_damaged: u64,
-    /// Samples taken but not sent because too much time had passed since the step before.
+    /// Samples taken but not sent because too much time had passed since the previous step.
     pub samples_skipped: u64,
     /// Bytes with a flipped bit.
     pub bits_flipped: u64,
     /// Bytes lost.
     pub bytes_dropped: u64,
-    /// Bytes that came twice.
+    /// Bytes that arrived twice.
     pub bytes_duplicated: u64,
     /// Bytes of noise.
     pub noise_bytes: u64,
@@ -104,7 +126,7 @@ pub struct Truth {
     pub weak_readings: u64,
     /// Times a part was pulled out or plugged in again.
     pub topology_changes: u64,
-    /// Times the device started anew.
+    /// Times the device restarted.
     pub restarts: u64,
     /// Requests understood.
     pub requests: u64,

@@ -1,4 +1,7 @@
-//! An emulated puppet: everything that a real one does behind the wire protocol, on a clock that the caller moves.
+//! An emulated puppet: everything a real one does on its side of the wire protocol, on a clock that the caller
+//! advances.
+//!
+//! The bytes of a walking human puppet:
 //!
 //! ```
 //! use armature_sim::{Body, Motion, Puppet, PuppetSettings};
@@ -14,42 +17,36 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Bodies come as [presets](Body::preset) or part by part ([`BodyBuilder`]); [`Motion`]s by rule or as tracks;
-//! [`Faults`] break what can break in the real thing, drawn from a seed and counted ([`Truth`]).
+//! | module | verbs |
+//! |---|---|
+//! | [`body`] | [`Body::preset`], [`BodyBuilder`]: the parts |
+//! | [`motion`] | [`Motion::by_name`], [`JointTrack`]; with the feature `serve` `puppet_from_motion` and `retarget` |
+//! | [`puppet`] | [`Puppet::step`]: time and bytes in, bytes out |
+//! | [`faults`] | [`Faults`] that occur in real puppets, drawn from a seed and counted ([`Truth`]) |
+//! | [`servo`] | [`ServoBus::step`](servo::ServoBus::step): an arm of bus servos |
+//! | [`rotation`] | the rotations of joints |
+//! | `serve` | with the feature `serve`: serving on a pseudo-terminal or over TCP, in real time |
 //!
-//! The feature `serve` adds what touches the world: puppets from motion files and serving on a
-//! pseudo-terminal or TCP. Without it the crate has neither clock nor I/O.
+//! The feature `serve` adds everything with I/O: puppets from motion files, and serving. Without it the crate has
+//! neither clock nor I/O.
 
 #![forbid(unsafe_code)]
-#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests ask for exactly the documented value"))]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests require exactly the documented value"))]
 
-mod body;
-mod faults;
-mod line;
-mod motion;
-#[cfg(feature = "serve")]
-mod motion_file;
-mod preset;
-mod procedural;
-mod puppet;
+pub mod body;
+pub mod faults;
+pub mod motion;
+pub mod puppet;
 mod random;
-#[cfg(feature = "serve")]
-mod retarget;
 pub mod rotation;
-mod sensors;
 #[cfg(feature = "serve")]
 pub mod serve;
 pub mod servo;
-mod settings;
-mod timeline;
 
 pub use body::{Body, BodyBuilder, BodyError, BodyPart};
-pub use faults::{Faults, NoiseBurst, SensorFault, SensorFaultKind, Truth, Unplugging};
+pub use faults::{ClockFault, ClockFaultKind, Faults, NoiseBurst, SensorFault, SensorFaultKind, Truth, Unplugging};
 pub use motion::{JointTrack, Motion, TrackEnd, sweep_stops};
 #[cfg(feature = "serve")]
-pub use motion_file::{MotionFileError, puppet_from_motion};
-pub use puppet::Puppet;
-#[cfg(feature = "serve")]
-pub use retarget::{Retargeted, retarget};
+pub use motion::{MotionFileError, Retargeted, puppet_from_motion, retarget};
+pub use puppet::{Puppet, PuppetSettings, SettingsError};
 pub use rotation::Rotation;
-pub use settings::{PuppetSettings, SettingsError};

@@ -9,10 +9,10 @@ use armature_sim::serve::{self, Options, ServeReport};
 use armature_sim::servo::ServoBusTruth;
 use clap::Parser;
 
-/// Emulates a puppet behind the wire protocol.
+/// Emulates a puppet that speaks the wire protocol.
 ///
-/// Prints one line, the address that it is served at (`serial:/dev/pts/N` or `tcp:HOST:PORT`), and serves until it is
-/// stopped; then tells what really happened, to compare with what the host believes.
+/// Prints one line, the address it is served at (`serial:/dev/pts/N` or `tcp:HOST:PORT`), and serves until it is
+/// stopped; then prints what really happened, to compare with what the host believes.
 #[derive(Debug, Parser)]
 #[command(
     version,
@@ -26,10 +26,10 @@ struct Cli {
     /// Serve over TCP at this address (port 0: the system chooses)
     #[arg(long, value_name = "HOST:PORT", conflicts_with = "pty")]
     tcp: Option<String>,
-    /// Serve on a pseudo-terminal, which looks like a serial port; so it does without this option
+    /// Serve on a pseudo-terminal, which looks like a serial port (the default)
     #[arg(long)]
     pty: bool,
-    /// Stop when standard input ends, as it does when the program that started this one is gone
+    /// Stop when standard input ends, as it does when the program that started this one exits
     #[arg(long)]
     until_input_ends: bool,
 }
@@ -47,17 +47,23 @@ fn main() -> ExitCode {
         }
         Err(Failure::Options(error)) => fail(&error, 3),
         Err(Failure::Serve(error)) => fail(&error, 4),
+        Err(Failure::ArmOnTcp) => fail(&"a servo arm can only be served on a pseudo-terminal; remove --tcp", 2),
     }
 }
 
 enum Failure {
     Options(serve::OptionsError),
     Serve(serve::ServeError),
+    /// Servos have no TCP.
+    ArmOnTcp,
 }
 
-/// Serves an arm of servos, if that is what the name means.
+/// Serves an arm of servos, if the name is that of one.
 fn run_arm(cli: &Cli) -> Option<Result<ServoBusTruth, Failure>> {
     let bus = cli.options.servo_bus()?;
+    if cli.tcp.is_some() {
+        return Some(Err(Failure::ArmOnTcp));
+    }
     let stop = Arc::new(AtomicBool::new(false));
     if cli.until_input_ends {
         serve::stop_when_input_ends(Arc::clone(&stop));
@@ -67,11 +73,14 @@ fn run_arm(cli: &Cli) -> Option<Result<ServoBusTruth, Failure>> {
 
 fn tell(address: &str) {
     let mut out = io::stdout();
-    // Whoever started this may have gone already; then nobody needs the address.
+    // The program that started this one may already be gone; then nobody needs the address.
     let _ = writeln!(out, "{address}").and_then(|()| out.flush());
 }
 
 fn run(cli: &Cli) -> Result<ServeReport, Failure> {
+    for warning in cli.options.motion_warnings().map_err(Failure::Options)? {
+        eprintln!("armature-sim: {warning}");
+    }
     let puppet = cli.options.puppet().map_err(Failure::Options)?;
     let settings = cli.options.serve_settings();
     let stop = Arc::new(AtomicBool::new(false));
@@ -85,7 +94,7 @@ fn run(cli: &Cli) -> Result<ServeReport, Failure> {
     report.map_err(Failure::Serve)
 }
 
-fn fail(error: &dyn std::error::Error, code: u8) -> ExitCode {
+fn fail(error: &dyn std::fmt::Display, code: u8) -> ExitCode {
     eprintln!("armature-sim: {error}");
     ExitCode::from(code)
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-/// `SplitMix64` (Steele, Lea, Flood 2014): one multiplication chain, good enough to damage bytes with.
+/// `SplitMix64` (Steele, Lea, Flood 2014): a single chain of multiplications, good enough for damaging bytes.
 #[derive(Clone, Debug)]
 pub(crate) struct Random {
     state: u64,
@@ -33,19 +33,19 @@ impl Random {
         (self.next_u64() >> 56) as u8
     }
 
-    /// Draws only where the answer is open, so that a probability of 0 costs nothing.
+    /// Draws only where the outcome is open, so that a probability of 0 costs nothing.
     pub(crate) fn chance(&mut self, probability: f64) -> bool {
         probability > 0.0 && self.unit() < probability
     }
 
-    /// Normally distributed with deviation 1 (Box and Muller).
+    /// Normally distributed with standard deviation 1 (Box and Muller).
     pub(crate) fn normal(&mut self) -> f64 {
         let radius = libm::sqrt(-2.0 * libm::log(1.0 - self.unit()));
         radius * libm::cos(TAU * self.unit())
     }
 }
 
-/// A number for a name, to mix into a seed (FNV-1a).
+/// Hashes a name, to mix into a seed (FNV-1a).
 pub(crate) fn hash(name: &str) -> u64 {
     name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
 }

@@ -1,6 +1,6 @@
-//! Rotations as unit quaternions (x, y, z, w) in f64, and what a joint's sensors see of them.
+//! Rotations as unit quaternions (x, y, z, w) in f64, and the sensor angles of a joint.
 //!
-//! The library behind the wire protocol stands alone, so it has its own few lines of this.
+//! The core depends on nothing but the wire protocol, so it has these few lines itself.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,13 +9,13 @@ use firmware_protocol::PartKind;
 /// A unit quaternion (x, y, z, w).
 pub type Rotation = [f64; 4];
 
-/// No turn.
+/// No rotation.
 pub const IDENTITY: Rotation = [0.0, 0.0, 0.0, 1.0];
 
-/// Below this value of sin or cos of half the bend only the sum or difference of the two twists is known.
+/// Below this value of sin or cos of half the bend, only the sum or difference of the two twists is determined.
 const TWISTS_COINCIDE: f64 = 1e-9;
 
-/// About one of the axes x (0), y (1), z (2) by an angle in radians.
+/// A rotation about one of the axes x (0), y (1), z (2) by an angle in radians.
 pub fn about(axis: usize, angle: f64) -> Rotation {
     let (sin, cos) = libm::sincos(0.5 * angle);
     let mut rotation = [0.0, 0.0, 0.0, cos];
@@ -36,18 +36,18 @@ pub fn product(a: Rotation, b: Rotation) -> Rotation {
     ]
 }
 
-/// The other way round.
+/// The inverse rotation.
 pub fn inverse([x, y, z, w]: Rotation) -> Rotation {
     [-x, -y, -z, w]
 }
 
-/// Of length one; no turn where the length is zero or no number.
+/// Normalised to unit length; the identity if the length is zero or NaN.
 pub fn normalized(q: Rotation) -> Rotation {
     let length = libm::sqrt(q.iter().map(|v| v * v).sum());
     if length.is_finite() && length > 1e-12 { q.map(|v| v / length) } else { IDENTITY }
 }
 
-/// The rotation at `at` (0 to 1) on the shortest way from `a` to `b`, at constant speed.
+/// The rotation at `at` (0 to 1) on the shortest path from `a` to `b`, at constant speed (slerp).
 pub fn between(a: Rotation, b: Rotation, at: f64) -> Rotation {
     let dot: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
     let b = if dot < 0.0 { b.map(|v| -v) } else { b };
@@ -59,7 +59,7 @@ pub fn between(a: Rotation, b: Rotation, at: f64) -> Rotation {
     normalized([0, 1, 2, 3].map(|i| p * a[i] + q * b[i]))
 }
 
-/// An angle brought into (-π, π].
+/// An angle wrapped into (-π, π].
 pub fn wrapped(angle: f64) -> f64 {
     let turned = angle - TAU * libm::floor(angle / TAU);
     if turned > PI { turned - TAU } else { turned }
@@ -75,9 +75,9 @@ pub fn from_sensor_angles(kind: PartKind, angles: [f64; 3]) -> Rotation {
     }
 }
 
-/// What the sensors of a part show when it is turned by `turn`: twist · bend · twist for three sensors, the nearest
-/// angle about the one axis otherwise. Of the equivalent solutions the one nearest to `previous`; where only one
-/// twist is determined, the outer one stays at `previous`.
+/// The sensor angles of a part rotated by `turn`: twist · bend · twist for three sensors, otherwise the nearest angle
+/// about the one axis. Of the equivalent solutions, the one nearest to `previous`; where only one twist is determined,
+/// the outer one stays at `previous`.
 pub fn to_sensor_angles(kind: PartKind, turn: Rotation, previous: [f64; 3]) -> [f64; 3] {
     let [x, y, z, w] = turn;
     match kind {

@@ -2,31 +2,21 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
 
-use std::path::PathBuf;
-
 use armature_rig::{
     Calibration, JointTree, Motion, Part, PartKind, PartUid, Pose, PoseSolver, RawSample, SensorState, Skeleton,
     propose,
 };
 use armature_sim::{Body, JointTrack, PuppetSettings, Retargeted, puppet_from_motion, retarget};
+use armature_test_support::shared_bytes;
 use firmware_protocol::{Decoder, DeviceMessage, FrameBuffer, HostMessage, PartRecord};
 use glam::{DQuat, DVec3};
 
-fn shared(name: &str) -> Option<Vec<u8>> {
-    let here = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let folder = here.ancestors().map(|folder| folder.join("shared/data")).find(|folder| folder.is_dir());
-    let bytes = folder.and_then(|folder| std::fs::read(folder.join("mocap").join(name)).ok());
-    if bytes.is_none() {
-        assert!(std::env::var_os("ARMATURE_REQUIRE_SHARED_DATA").is_none(), "shared/data/mocap/{name} is missing");
-        println!("SKIPPED: shared/data/mocap/{name} is not here");
-    }
-    bytes
-}
-
 fn clips() -> Vec<(&'static str, Motion)> {
-    ["freebvh.bvh", "mocapbank.bvh"]
+    ["mocap/freebvh.bvh", "mocap/mocapbank.bvh"]
         .into_iter()
-        .filter_map(|name| shared(name).map(|bytes| (name, armature_formats::read_bvh(&bytes).unwrap())))
+        .filter_map(|name| {
+            shared_bytes(name).map(|bytes| (name, armature_formats::motion::read_bvh(&bytes).unwrap().motion))
+        })
         .collect()
 }
 
@@ -62,7 +52,7 @@ fn raw(sample: &firmware_protocol::Sample<'_>) -> RawSample {
     }
 }
 
-/// The tree and all samples of a puppet that plays for so long.
+/// The tree and all samples of a puppet that plays for this long.
 fn perform(settings: PuppetSettings, seconds: f64) -> (JointTree, Vec<RawSample>) {
     let mut puppet = armature_sim::Puppet::new(settings).unwrap();
     let mut wire = FrameBuffer::new();
@@ -90,7 +80,7 @@ fn degrees_apart(a: DQuat, b: DQuat) -> f64 {
     2.0 * libm::atan2(DVec3::new(d.x, d.y, d.z).length(), d.w.abs()).to_degrees()
 }
 
-/// The source's local rotation at a time, turning evenly between frames.
+/// The source's local rotation at a time, turning uniformly between frames.
 fn source_rotation(motion: &Motion, bone: usize, seconds: f64) -> DQuat {
     let last = motion.frames.len() - 1;
     let at = (seconds / motion.frame_seconds).clamp(0.0, last as f64);
@@ -118,14 +108,14 @@ fn every_joint_comes_back_within_a_tenth_of_a_degree() {
         let report = calibration.zero(&tree, &samples[0]).unwrap();
         assert_eq!((report.zeroed, report.skipped.len()), (tree.sensor_count(), 0));
         let proposal = propose(&tree, &motion.skeleton);
-        assert_eq!(proposal.mapping.entries.len(), motion.skeleton.len(), "{name}: every bone has its joint");
+        assert_eq!(proposal.mapping.entries.len(), motion.skeleton.len(), "{name}: every bone has a joint");
         let mut solver = PoseSolver::new(&tree, &calibration, &proposal.mapping, &motion.skeleton).unwrap();
         let mut pose = Pose::default();
         let mut worst = 0.0_f64;
         let mut compared = 0;
         for sample in samples.iter().filter(|sample| sample.device_micros >= 1_000_000) {
             solver.solve(sample.device_micros, &sample.counts, &sample.states, &mut pose).unwrap();
-            // Exact to the fraction that the wire's whole microseconds hide.
+            // Exact except for what the wire's whole microseconds hide.
             let seconds = (sample.device_micros - 1_000_000) as f64 * 1e-6;
             for bone in 0..motion.skeleton.len() {
                 let got = pose.parent_from_bone[bone].rotation.as_dquat().normalize();
@@ -139,7 +129,7 @@ fn every_joint_comes_back_within_a_tenth_of_a_degree() {
     }
 }
 
-/// Directions of the bones in model space, by the name of the bone.
+/// Directions of the bones in model space, by bone name.
 fn direction(motion: &Motion, name: &str, frame: usize) -> DVec3 {
     let skeleton: &Skeleton = &motion.skeleton;
     let bone = skeleton.find(name).unwrap();
@@ -148,7 +138,7 @@ fn direction(motion: &Motion, name: &str, frame: usize) -> DVec3 {
     frames[bone].transform_vector3(skeleton.bones()[bone].tail).as_dvec3().normalize()
 }
 
-/// Turns in model space that the track gives each label, by composing along the puppet.
+/// The model-space turns that the track gives each label, composed along the puppet.
 fn played(body: &Body, track: &JointTrack, label: &str, frame: usize) -> DQuat {
     let mut chain = Vec::new();
     let mut part = body.find(label);
@@ -196,7 +186,7 @@ fn limbs_of_another_figure_point_the_same_way() {
                 };
                 let got = played(&body, &track, label, frame) * t_pose;
                 let off = got.dot(direction(&motion, bone, frame)).clamp(-1.0, 1.0).acos().to_degrees();
-                // A nearly straight limb does not say where its hinge points, and then misses by less than its bend.
+                // A nearly straight limb does not define where its hinge points, and is then off by less than its bend.
                 let hinge = label.ends_with("elbow") || label.ends_with("knee");
                 assert!(off < if hinge { 20.0 } else { 0.1 }, "{name}: {label} at frame {frame} is off by {off}°");
                 worst = worst.max(off);
@@ -243,7 +233,7 @@ fn the_human_preset_finds_its_bones_in_real_skeletons() {
     let (tree, _) = perform(PuppetSettings::new(body.clone()), 0.0);
     for (name, motion) in clips() {
         let proposal = propose(&tree, &motion.skeleton);
-        let expected = if name.starts_with("free") { mixamo } else { bank };
+        let expected = if name.contains("freebvh") { mixamo } else { bank };
         for pair in expected.split(',') {
             let (label, bone) = pair.trim().split_once(' ').unwrap();
             let uid = PartUid(body.parts()[body.find(label).unwrap()].uid.0);

@@ -1,4 +1,4 @@
-//! The presets on skeletons of the same creatures: what the shapes propose is what a person would choose.
+//! The presets on skeletons of the same creatures: the mapping proposed from shapes is what a person would choose.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
 
@@ -223,7 +223,7 @@ fn a_walker_looks_like_one() {
             least[limb] = least[limb].min(point.z);
             most[limb] = most[limb].max(point.z);
         }
-        // The shin never points ahead of the thigh.
+        // The shin never points forward of the thigh.
         let (hip, knee, foot) = (Vec3::new(0.094, 0.905, 0.0), at[5], at[6]);
         let (thigh, shin) = ((knee - hip).normalize(), (foot - knee).normalize());
         assert!(thigh.cross(shin).x > -0.12, "knees bend backwards: {at:?}");

@@ -1,4 +1,5 @@
-//! Serving in real time. Nothing here asserts how long anything takes; every wait ends when what it waits for is there.
+//! Serving in real time. Nothing here asserts how long anything takes; every wait ends when the thing waited for
+//! happens.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
 
@@ -33,7 +34,7 @@ impl<Line: Read + Write> Host<Line> {
         self.line.write_all(wire.encode(&message).unwrap()).unwrap();
     }
 
-    /// Reads until enough messages were such; returns what was taken of them.
+    /// Reads until enough messages match; returns what was taken from them.
     fn hear<T>(&mut self, count: usize, mut take: impl FnMut(DeviceMessage<'_>) -> Option<T>) -> Vec<T> {
         let mut taken = Vec::new();
         while taken.len() < count {
@@ -81,7 +82,7 @@ fn a_thousand_samples_a_second_over_a_pseudo_terminal() {
     let server = Background::start(puppet("joints:32"), Place::Pty, ServeSettings::default()).unwrap();
     let mut host = open(server.address());
     assert_complete(&host.stream(1500));
-    // The host goes away in the middle of the stream, and comes back.
+    // The host disconnects in the middle of the stream and comes back.
     drop(host);
     let mut host = open(server.address());
     host.say(HostMessage::HELLO_REQUEST);
@@ -111,7 +112,7 @@ fn nobody_reading_costs_frames_and_nothing_else() {
         // The terminal's and the server's buffers fill while nobody reads.
         std::thread::sleep(Duration::from_millis(200));
         sequences.extend(host.hear(200, sequence));
-        assert!(sequences.windows(2).all(|pair| pair[0] < pair[1]), "what is left is whole and in order");
+        assert!(sequences.windows(2).all(|pair| pair[0] < pair[1]), "the rest is whole and in order");
     }
     assert_eq!(host.decoder.counters().checksum_errors + host.decoder.counters().framing_errors, 0);
     let report = server.finish().unwrap();
@@ -138,7 +139,7 @@ fn the_plug_is_pulled() {
     let address = server.address().strip_prefix("tcp:").unwrap().to_owned();
     if let Ok(mut line) = TcpStream::connect(&address) {
         let mut rest = Vec::new();
-        // Either end of the race is an end of the line.
+        // Whoever wins the race, the line ends.
         drop(line.read_to_end(&mut rest));
     }
     server.finish().unwrap();
@@ -150,6 +151,6 @@ fn a_place_that_cannot_be_is_an_error() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let place = Place::Tcp(taken.local_addr().unwrap().to_string());
     let error = Background::start(puppet("hand"), place, ServeSettings::default()).unwrap_err();
-    assert!(error.to_string().contains("cannot listen at"), "{error}");
+    assert!(error.to_string().contains("cannot listen on"), "{error}");
     assert!(Options::default().puppet().is_ok());
 }

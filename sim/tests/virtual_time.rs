@@ -1,4 +1,4 @@
-//! The puppet on a virtual clock: what it says, when, and that it says the same every time.
+//! The puppet on a virtual clock: what it sends, when, and that it sends the same every time.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
 
@@ -10,7 +10,7 @@ use firmware_protocol::{
     Decoder, DecoderCounters, DeviceMessage, Encode, FrameBuffer, HostMessage, PartRecord, RefusalReason, SensorState,
 };
 
-/// What a host got, message by message.
+/// What a host received, message by message.
 #[derive(Clone, Debug, PartialEq)]
 enum Got {
     Hello,
@@ -283,7 +283,7 @@ fn sensors_fail_as_told() {
         weak += u64::from(states[2] == SensorState::MagnetWeak);
         outliers += states.iter().filter(|s| **s == SensorState::Outlier).count() as u64;
     }
-    assert!(inside.windows(2).all(|w| w[0] == w[1]), "a stuck sensor shows one count");
+    assert!(inside.windows(2).all(|w| w[0] == w[1]), "a stuck sensor keeps its count");
     let truth = host.puppet.truth();
     assert_eq!(truth.stuck_readings, inside.len() as u64);
     assert_eq!((truth.missing_readings, truth.weak_readings), (missing, weak));
@@ -373,7 +373,7 @@ fn any_bytes_may_come() {
             .flat_map(frame)
             .collect();
     for round in 0..3000 {
-        // Plain noise in turn with requests in which a byte is wrong.
+        // Plain noise, alternating with requests in which one byte is wrong.
         let bytes: Vec<u8> = if round % 2 == 0 {
             (0..usize::from(next())).map(|_| next()).collect()
         } else {
@@ -397,7 +397,7 @@ fn a_slow_line_limits_the_rate() {
         };
         Puppet::new(settings).unwrap().max_rate_millihertz()
     };
-    // 244 bytes a sample.
+    // 244 bytes per sample.
     assert_eq!(limit(2_440_000), 950_000);
     assert!(limit(3_000_000) > 1_000_000);
     assert_eq!(limit(1), 1);
@@ -438,6 +438,44 @@ fn a_track_turns_evenly_between_its_frames() {
         let dot: f64 = turn.iter().zip(expected).map(|(a, b)| a * b).sum();
         assert!(dot.abs() > 1.0 - 1e-12, "{end:?} {millis}: {turn:?} {expected:?}");
     }
+}
+
+/// A track that begins and ends far from rest: as `--device sim:FILE.bvh` plays it, no sensor jumps, neither from rest
+/// into it nor where it begins again.
+#[test]
+fn a_track_is_reached_from_rest_without_a_jump() {
+    let body = Body::preset("human", 1).unwrap();
+    let part = body.find("left_shoulder").unwrap();
+    let away = |angle| rotation::product(rotation::about(2, angle), rotation::about(0, 1.4));
+    let rotations = vec![away(0.9), away(1.0), away(-1.2)];
+    let motion = Motion::Track(JointTrack { frame_seconds: 0.5, parts: vec![part], rotations, end: TrackEnd::Repeat });
+    let settings = PuppetSettings { motion, leads: true, rest_micros: 500_000, ..PuppetSettings::new(body.clone()) };
+    let mut puppet = Puppet::new(settings).unwrap();
+    puppet.step(0, &frame(&HostMessage::Start), &mut Vec::new());
+    let lead = puppet.lead_in_seconds();
+    assert!((0.3..2.0).contains(&lead), "{lead}");
+    let own = |micros: u64| puppet.true_angles(micros)[body.sensors(part)].to_vec();
+    let turn = |seconds: f64| {
+        let own = own((seconds * 1e6) as u64);
+        rotation::from_sensor_angles(firmware_protocol::PartKind::TwistBendTwist, [own[0], own[1], own[2]])
+    };
+    assert_eq!(own(499_999), [0.0; 3]);
+    let dot: f64 = turn(0.5 + lead).iter().zip(away(0.9)).map(|(a, b)| a * b).sum();
+    assert!(dot.abs() > 1.0 - 1e-9, "the first frame comes after the lead-in");
+    let mut before = own(0);
+    for micros in (0..20_000_000).step_by(8_333) {
+        let now = own(micros);
+        for (a, b) in before.iter().zip(&now) {
+            let step = rotation_wrapped(b - a).abs();
+            assert!(step < 0.08, "{micros} µs: a sensor goes {step} rad in one sample");
+        }
+        before = now;
+    }
+}
+
+fn rotation_wrapped(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    (angle + PI).rem_euclid(TAU) - PI
 }
 
 #[test]

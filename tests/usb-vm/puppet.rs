@@ -1,12 +1,12 @@
-//! A puppet inside of the virtual machine: the emulated one, behind the kernel's gadget drivers.
+//! A puppet inside the virtual machine: the emulated one, behind the kernel's gadget drivers.
 //!
 //! ```text
 //! usb-puppet acm  /dev/ttyGS0   SEED       the device's end of CDC-ACM
 //! usb-puppet hid  /dev/hidg0    SEED       the device's end of HID
-//! usb-puppet bulk /dev/ffs      SEED       FunctionFS: tells the kernel of the interface first
+//! usb-puppet bulk /dev/ffs      SEED       FunctionFS: describes the interface to the kernel first
 //! ```
 //!
-//! When the cable is pulled the puppet has no power; when it is back, a new one starts.
+//! When the cable is pulled the puppet loses power; when it is back, a new one starts.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -23,7 +23,7 @@ const BULK_TRANSFER: usize = 511;
 
 type Error = Box<dyn std::error::Error>;
 
-/// How the stream goes through the file of a gadget.
+/// How the stream passes through a gadget's file.
 #[derive(Clone, Copy)]
 enum Carrier {
     Acm,
@@ -40,7 +40,7 @@ fn main() -> Result<(), Error> {
         "acm" => serve(Carrier::Acm, path, path, seed),
         "hid" => serve(Carrier::Hid, path, path, seed),
         "bulk" => {
-            // The interface is there as long as this file is open.
+            // The interface exists as long as this file is open.
             let mut control = OpenOptions::new().read(true).write(true).open(path.join("ep0"))?;
             control.write_all(&function_descriptors())?;
             control.write_all(&function_strings())?;
@@ -61,7 +61,7 @@ fn serve(carrier: Carrier, input: &Path, output: &Path, seed: u64) -> Result<(),
     }
 }
 
-/// One life of a puppet: from plugged in to unplugged.
+/// One life of a puppet, from plugging in to unplugging.
 fn live(carrier: Carrier, input: &Path, output: &Path, mut puppet: Puppet) -> Result<(), Error> {
     if let Carrier::Acm = carrier {
         Command::new("stty").arg("-F").arg(input).args(["raw", "-echo"]).status()?;
@@ -126,7 +126,7 @@ fn say(carrier: Carrier, output: &mut File, mut bytes: &[u8]) -> io::Result<()> 
     Ok(())
 }
 
-/// What `FunctionFS` wants to be told first: an interface and its two endpoints, for full and for high speed.
+/// The description that `FunctionFS` wants first: an interface and its two endpoints, for full and for high speed.
 fn function_descriptors() -> Vec<u8> {
     const BULK: u8 = 2;
     let for_speed = |packet: u16| {

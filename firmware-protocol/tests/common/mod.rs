@@ -1,4 +1,4 @@
-//! What several tests need.
+//! Shared by several tests.
 
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 
@@ -34,7 +34,7 @@ pub(crate) fn sample_frame(sequence: u32, sensors: usize) -> Vec<u8> {
         counts: &counts,
         states: &vec![SensorState::Ok; sensors],
     };
-    FrameBuffer::new().encode(&message).expect("a frame holds so many sensors").to_vec()
+    FrameBuffer::new().encode(&message).expect("a frame holds this many sensors").to_vec()
 }
 
 /// The count [`sample_frame`] gives a sensor.

@@ -1,6 +1,5 @@
-//! The window: a pure state ([`state`]), a view of it, and the contract with the engine ([`engine`]).
+//! The window: a pure state ([`state`]) and a view of it. Its interface to the engine is in [`crate::engine`].
 
-pub mod engine;
 mod paint;
 pub mod state;
 mod theme;
@@ -13,19 +12,19 @@ use std::thread::JoinHandle;
 use eframe::egui;
 
 pub use self::window::{Start, Window};
-use engine::EngineLink;
+use crate::engine::link::{EngineLink, link};
 
 /// Why there is no window.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
-    /// There is nothing to show a window on.
+    /// There is no display to show a window on.
     #[error(
-        "the window could not be opened: no display answers (is DISPLAY or WAYLAND_DISPLAY set?). Without one, use `armature run` or `armature demo`"
+        "the window could not be opened: no display found (is DISPLAY or WAYLAND_DISPLAY set?). Without one, use `armature run` or `armature demo`"
     )]
     NoDisplay,
-    /// There is nothing to draw with.
+    /// There is no adapter to draw with.
     #[error(
-        "the window could not be opened: no graphics adapter can draw in it ({detail}). On Debian or Ubuntu a software one comes with: apt install mesa-vulkan-drivers libvulkan1"
+        "the window could not be opened: no graphics adapter can draw in it ({detail}). On Debian or Ubuntu, install a software one: apt install mesa-vulkan-drivers libvulkan1"
     )]
     NoAdapter {
         /// What wgpu says.
@@ -37,14 +36,15 @@ pub enum WindowError {
         /// What eframe says.
         detail: String,
     },
-    /// The engine's thread ended in a panic.
+    /// The engine's thread panicked.
     #[error("the engine stopped unexpectedly; please report this with the lines printed above")]
     EngineStopped,
 }
 
 /// Opens the window and returns when it is closed and the engine has ended.
 ///
-/// `spawn_engine` starts the engine's thread; it has to end at [`engine::Command::Quit`].
+/// `spawn_engine` starts the engine's thread, which must end at
+/// [`Command::Quit`](crate::engine::command::Command::Quit).
 pub fn run(start: Start, spawn_engine: impl FnOnce(EngineLink) -> JoinHandle<()> + 'static) -> Result<(), WindowError> {
     let thread: Arc<Mutex<Option<JoinHandle<()>>>> = Arc::default();
     let slot = thread.clone();
@@ -60,16 +60,16 @@ pub fn run(start: Start, spawn_engine: impl FnOnce(EngineLink) -> JoinHandle<()>
         options,
         Box::new(move |context| {
             let ctx = context.egui_ctx.clone();
-            let (app, engine) = engine::link(move || ctx.request_repaint());
+            let (app, engine) = link(move || ctx.request_repaint());
             *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(spawn_engine(engine));
             Ok(Box::new(Window::new(context, app, start)))
         }),
     );
-    // The window is gone and its end of the link with it, so the engine has been told to quit.
+    // The window is gone, and with it its end of the link, so the engine quits.
     let engine = thread.lock().unwrap_or_else(PoisonError::into_inner).take();
     let joined = engine.map(JoinHandle::join);
     opened.map_err(|error| match error {
-        // What winit says names files of its own sources.
+        // winit's messages mention its own source files.
         eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_) => WindowError::NoDisplay,
         eframe::Error::Wgpu(error) => WindowError::NoAdapter { detail: error.to_string() },
         eframe::Error::AppCreation(error) => WindowError::Refused { detail: error.to_string() },

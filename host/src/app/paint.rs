@@ -1,4 +1,4 @@
-//! The character's picture inside egui's: drawn before egui, laid under it by a paint callback.
+//! The picture of the character inside egui's: drawn before egui, and put beneath it by a paint callback.
 
 use armature_render::{Camera, RenderError, Renderer, Scene, adapter_label, preferred_samples};
 use eframe::egui::{PaintCallback, PaintCallbackInfo, Rect};
@@ -7,7 +7,7 @@ use eframe::egui_wgpu::{self, CallbackResources, RenderState, wgpu};
 /// Compiles the shaders. Returns the adapter's name.
 pub(super) fn install(graphics: &RenderState) -> String {
     let samples = preferred_samples(&graphics.adapter);
-    let renderer = Renderer::new(&graphics.device, &graphics.queue, graphics.target_format, samples);
+    let renderer = Renderer::new(&graphics.device, graphics.target_format, samples);
     graphics.renderer.write().callback_resources.insert(renderer);
     adapter_label(&graphics.adapter.get_info())
 }
@@ -36,7 +36,7 @@ pub(super) fn prepare(
     Ok(())
 }
 
-/// Lays that texture under what egui draws.
+/// Puts that texture beneath what egui draws.
 pub(super) fn callback(rect: Rect) -> PaintCallback {
     egui_wgpu::Callback::new_paint_callback(rect, Blit)
 }

@@ -1,26 +1,28 @@
-//! All that the window knows, and the one function that changes it when the engine speaks.
+//! Everything the window knows, and the single function that updates it with the engine's events.
 //!
-//! No drawing, no clock, no file: tests drive it with a list of events.
+//! No drawing, no clock, no files: tests drive it with a list of events.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use armature_rig::{CalibrationStep, JointAxis, JointTree, PartKind, PartUid, SensorState};
+use armature_rig::{CalibrationStep, JointAxis, JointTree, PartKind, PartUid, Progress, SensorState};
 
-use super::engine::{CharacterChoice, CharacterView, Command, EngineEvent, FoundDevice, Frame, Problem};
+use crate::characters::LoadedCharacter;
+use crate::engine::command::{CharacterChoice, Command};
+use crate::engine::event::{EngineEvent, FoundDevice, Frame, Problem};
 
-/// Problems shown at once; older ones give way.
+/// Most problems shown at once; older ones are dropped.
 const NOTICES_SHOWN: usize = 3;
 
-/// What the person at the window asks for.
+/// What the user at the window asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// Connect to the address.
     Connect(String),
-    /// Disconnect, or give up connecting.
+    /// Disconnect, or stop trying to connect.
     Disconnect,
-    /// Disconnect if connected, else connect to the address in the field.
-    ToggleConnection,
+    /// Connect to the address in the field, unless already connected.
+    ConnectToField,
     /// Look for serial ports.
     ListDevices,
     /// Take zero.
@@ -35,25 +37,27 @@ pub enum Action {
     Select(Option<usize>),
     /// Show or hide the bones.
     ToggleBones,
-    /// Give up the long work.
+    /// Cancel the work in progress.
     Cancel,
+    /// Show a problem of the window itself.
+    Report(Problem),
     /// Close a problem's card.
     DismissNotice(usize),
     /// Close the card of the last take.
     DismissSaved,
-    /// Begin a calibration step.
+    /// Start a calibration step.
     Calibrate(CalibrationStep),
     /// Close the card of the last zero.
     DismissZeroed,
 }
 
-/// Whether there is a puppet.
+/// Whether a puppet is connected.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Connection {
     /// No.
     #[default]
     Off,
-    /// Soon.
+    /// Being connected.
     Connecting {
         /// Device address.
         address: String,
@@ -70,11 +74,11 @@ pub enum Connection {
 /// A problem on display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Notice {
-    /// What and remedy.
+    /// What happened, and the remedy.
     pub problem: Problem,
-    /// How often it came.
+    /// How often it occurred.
     pub count: u32,
-    /// Gone as soon as a new connection is tried.
+    /// Whether it disappears as soon as a new connection is tried.
     about_connection: bool,
 }
 
@@ -91,10 +95,10 @@ pub struct SavedTake {
     pub lost: u64,
 }
 
-/// A zero that was taken, or another step of the calibration.
+/// A zero that was taken, or another calibration step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Zeroed {
-    /// Grows with every zero of this window.
+    /// Increases with every zero taken in this window.
     pub number: u64,
     /// What was calibrated.
     pub step: CalibrationStep,
@@ -109,14 +113,14 @@ pub struct Zeroed {
 pub struct PartRow {
     /// Index into the joint tree.
     pub part: usize,
-    /// How many splitters lie between it and the root: a limb stays one straight list.
+    /// Number of splitters between it and the root: a limb stays one straight list.
     pub depth: usize,
 }
 
-/// All that the window knows.
+/// Everything the window knows.
 #[derive(Debug)]
 pub struct State {
-    /// Whether there is a puppet.
+    /// Whether a puppet is connected.
     pub connection: Connection,
     /// The text in the address field.
     pub address: String,
@@ -128,25 +132,25 @@ pub struct State {
     pub rows: Vec<PartRow>,
     /// Bone of every part; may be shorter than the tree.
     pub bone_of_part: Vec<Option<usize>>,
-    /// Bones that inverse kinematics turns; shorter than the skeleton where it is off.
+    /// Bones that inverse kinematics turns; shorter than the skeleton if it is off.
     pub solved: Vec<bool>,
     /// The newest pose.
     pub frame: Option<Box<Frame>>,
-    /// Grows with every frame.
+    /// Increases with every frame.
     pub frame_number: u64,
     /// What is drawn.
-    pub character: Option<Arc<CharacterView>>,
-    /// Grows with every character.
+    pub character: Option<Arc<LoadedCharacter>>,
+    /// Increases with every character.
     pub character_number: u64,
-    /// What was asked for last.
+    /// Which character that is.
     pub choice: CharacterChoice,
-    /// Seconds and samples of the take that is being written.
+    /// Seconds and samples of the take being recorded.
     pub recording: Option<(f64, u64)>,
     /// The last take.
     pub saved: Option<SavedTake>,
     /// The last zero.
     pub zeroed: Option<Zeroed>,
-    /// Long work: what, and how much is done.
+    /// Work in progress: what, and how much is done.
     pub busy: Option<(String, Option<f32>)>,
     /// Problems, newest last.
     pub notices: Vec<Notice>,
@@ -154,8 +158,9 @@ pub struct State {
     pub selected: Option<usize>,
     /// Whether bones are drawn.
     pub show_bones: bool,
-    /// Whether the pose is of the puppet that is connected now, not of one before.
+    /// Whether the pose belongs to the puppet connected now, not to an earlier one.
     posed: bool,
+    line_broken: bool,
     zeros: u64,
 }
 
@@ -173,7 +178,7 @@ impl Default for State {
             frame_number: 0,
             character: None,
             character_number: 0,
-            choice: CharacterChoice::Human,
+            choice: CharacterChoice::default(),
             recording: None,
             saved: None,
             zeroed: None,
@@ -182,13 +187,14 @@ impl Default for State {
             selected: None,
             show_bones: true,
             posed: false,
+            line_broken: false,
             zeros: 0,
         }
     }
 }
 
 impl State {
-    /// Takes in one event. Returns the frame that is not shown any more, for reuse.
+    /// Applies one event. Returns the frame that is no longer shown, for reuse.
     pub fn update_state(&mut self, event: EngineEvent) -> Option<Box<Frame>> {
         match event {
             EngineEvent::Frame(frame) => {
@@ -201,7 +207,10 @@ impl State {
                 self.forget_puppet();
                 self.connection = Connection::Connecting { address };
             }
+            EngineEvent::LineBroken => self.line_broken = true,
+            EngineEvent::LineRestored => self.line_broken = false,
             EngineEvent::Connected { address, device } => {
+                self.line_broken = false;
                 self.notices.retain(|notice| !notice.about_connection);
                 self.connection = Connection::On { address, device };
             }
@@ -223,6 +232,7 @@ impl State {
                 let step = CalibrationStep::Zero;
                 self.zeroed = Some(Zeroed { number: self.zeros, step, sensors, unreadable });
             }
+            EngineEvent::Calibrating { progress, .. } => self.busy = instruction(progress).map(|task| (task, None)),
             EngineEvent::Calibrated { step, measured, failed } => {
                 self.zeros += 1;
                 self.zeroed = Some(Zeroed { number: self.zeros, step, sensors: measured, unreadable: failed });
@@ -235,14 +245,19 @@ impl State {
                 self.recording = None;
                 self.saved = Some(SavedTake { path, seconds, samples, lost });
             }
+            EngineEvent::RecordingFailed(problem) => {
+                self.recording = None;
+                self.update_state(EngineEvent::Problem(problem));
+            }
             EngineEvent::CharacterLoaded(character) => {
                 self.busy = None;
                 self.bone_of_part.clear();
                 self.solved.clear();
+                self.choice = CharacterChoice::named(&character.source);
                 self.character = Some(character);
                 self.character_number += 1;
                 self.frame_number += 1;
-                // The angles are still true, the positions are those of another mesh.
+                // The angles are still true; the positions are those of another mesh.
                 if let Some(frame) = &mut self.frame {
                     frame.positions.clear();
                     frame.normals.clear();
@@ -253,11 +268,17 @@ impl State {
             EngineEvent::Busy { task, fraction } => self.busy = Some((task, fraction)),
             EngineEvent::Idle => self.busy = None,
             EngineEvent::Problem(problem) => self.note(problem, false),
+            EngineEvent::Waiting(problem) => self.note(problem, true),
+            // Events that a window does not ask for, and the opening of a line, which the handshake describes better.
+            EngineEvent::LineOpened { .. }
+            | EngineEvent::RestPoseAwaited
+            | EngineEvent::RunOver(_)
+            | EngineEvent::CalibrationOver(_) => {}
         }
         None
     }
 
-    /// Does what was asked for as far as the window can, and returns what the engine has to do.
+    /// Does as much of an action as the window can, and returns what the engine must do.
     pub fn act(&mut self, action: Action) -> Option<Command> {
         match action {
             Action::Connect(address) => {
@@ -270,21 +291,18 @@ impl State {
                 self.notices.retain(|notice| !notice.about_connection);
                 Some(Command::Connect(address))
             }
-            Action::ToggleConnection if self.connection == Connection::Off => {
+            Action::ConnectToField if self.connection == Connection::Off => {
                 self.act(Action::Connect(self.address.clone()))
             }
-            Action::Disconnect | Action::ToggleConnection => {
-                (self.connection != Connection::Off).then_some(Command::Disconnect)
-            }
+            // A held-down key must not end a performance.
+            Action::ConnectToField => None,
+            Action::Disconnect => (self.connection != Connection::Off).then_some(Command::Disconnect),
             Action::ListDevices => Some(Command::ListDevices),
-            Action::Zero => self.is_live().then_some(Command::Zero),
-            Action::Calibrate(step) => self.is_live().then_some(Command::Calibrate(step)),
+            Action::Zero => self.can_calibrate().then_some(Command::Zero),
+            Action::Calibrate(step) => self.can_calibrate().then_some(Command::Calibrate(step)),
             Action::ToggleRecording if self.recording.is_some() => Some(Command::StopRecording),
             Action::ToggleRecording => self.is_live().then_some(Command::StartRecording),
-            Action::Load(choice) => {
-                self.choice = choice.clone();
-                Some(Command::LoadCharacter(choice))
-            }
+            Action::Load(choice) => Some(Command::LoadCharacter(choice)),
             Action::Blink(uid) => self.is_live().then_some(Command::Blink(uid)),
             Action::Cancel => self.busy.is_some().then_some(Command::Cancel),
             Action::Select(part) => {
@@ -293,6 +311,10 @@ impl State {
             }
             Action::ToggleBones => {
                 self.show_bones = !self.show_bones;
+                None
+            }
+            Action::Report(problem) => {
+                self.note(problem, false);
                 None
             }
             Action::DismissNotice(index) => {
@@ -312,7 +334,7 @@ impl State {
         }
     }
 
-    /// The engine has ended: whatever is asked for now will not happen.
+    /// The engine has ended: nothing asked for now will happen.
     pub fn engine_is_gone(&mut self) {
         self.forget_puppet();
         self.connection = Connection::Off;
@@ -326,7 +348,22 @@ impl State {
 
     /// Whether poses arrive.
     pub fn is_live(&self) -> bool {
-        matches!(self.connection, Connection::On { .. }) && self.posed
+        matches!(self.connection, Connection::On { .. }) && self.posed && !self.line_broken
+    }
+
+    /// Whether the line is broken and expected back.
+    pub fn is_line_broken(&self) -> bool {
+        matches!(self.connection, Connection::On { .. }) && self.line_broken
+    }
+
+    /// Whether zero and the other calibration steps are possible: never in the middle of a take.
+    pub fn can_calibrate(&self) -> bool {
+        self.is_live() && self.recording.is_none()
+    }
+
+    /// Whether this is the character on screen.
+    pub fn shows(&self, choice: &CharacterChoice) -> bool {
+        self.character.is_some() && self.choice == *choice
     }
 
     /// State and angle (radians, `None` without data) of a sensor.
@@ -349,7 +386,7 @@ impl State {
         self.character.as_ref()?.skeleton.bones().get(bone).map(|bone| bone.name.as_str())
     }
 
-    /// A part's name in the list: that of its bone (with the axis, where several parts move it), or what it is.
+    /// A part's name in the list: that of its bone (with the axis, if several parts move it), or its kind.
     pub fn part_label(&self, part: usize) -> String {
         if let (Some(name), Some(bone)) = (self.bone_name(part), self.bone(part)) {
             let shared = self.parts_of_bone(bone).nth(1).is_some();
@@ -391,6 +428,7 @@ impl State {
 
     fn forget_puppet(&mut self) {
         self.posed = false;
+        self.line_broken = false;
         self.tree = None;
         self.rows.clear();
         self.bone_of_part.clear();
@@ -420,7 +458,17 @@ impl State {
     }
 }
 
-/// How much a reading is to be distrusted.
+/// What the user has to do during a calibration step, and for how long.
+fn instruction(progress: Progress) -> Option<String> {
+    let (words, left, instruction) = match progress {
+        Progress::Countdown { seconds_left, instruction } => ("Get ready", seconds_left, instruction),
+        Progress::Measuring { seconds_left, instruction } => ("Measuring", seconds_left, instruction),
+        Progress::Over => return None,
+    };
+    Some(format!("{words}, {:.0} s: {instruction}", left.ceil()))
+}
+
+/// How little a reading can be trusted.
 fn severity(state: SensorState) -> u8 {
     match state {
         SensorState::Ok => 0,
@@ -430,7 +478,7 @@ fn severity(state: SensorState) -> u8 {
     }
 }
 
-/// What a part is, for people.
+/// A part's kind, in words.
 pub fn kind_label(kind: PartKind) -> String {
     match kind {
         PartKind::Bend => "Bend joint".into(),
@@ -441,7 +489,7 @@ pub fn kind_label(kind: PartKind) -> String {
     }
 }
 
-/// What a sensor measures, for people.
+/// What a sensor measures, in words.
 pub fn axis_label(axis: JointAxis) -> &'static str {
     match axis {
         JointAxis::Bend => "Bend",
@@ -449,7 +497,7 @@ pub fn axis_label(axis: JointAxis) -> &'static str {
     }
 }
 
-/// What a sensor's state means, for people.
+/// A sensor's state, in words.
 pub fn state_label(state: SensorState) -> &'static str {
     match state {
         SensorState::Ok => "good",

@@ -1,7 +1,7 @@
 use armature_rig::{Bone, CalibrationStep, Part, Skeleton, Transform};
 
 use super::*;
-use crate::app::engine::Stats;
+use crate::engine::event::Stats;
 
 fn part(number: u8, kind: PartKind, parent: Option<usize>, outlet: u8) -> Part {
     Part { uid: PartUid([number; 12]), kind, parent, outlet, counts_per_turn: 4096 }
@@ -72,7 +72,12 @@ fn a_calibration_step_is_told_and_can_be_given_up() {
     let step = CalibrationStep::Sweep;
     assert_eq!(state.act(Action::Calibrate(step)), Some(Command::Calibrate(step)));
     assert_eq!(state.act(Action::Cancel), None, "nothing is under way yet");
-    state.update_state(EngineEvent::Busy { task: "Get ready, 3 s".into(), fraction: None });
+    let countdown = Progress::Countdown { seconds_left: 2.4, instruction: "sweep every joint" };
+    state.update_state(EngineEvent::Calibrating { step, progress: countdown });
+    assert_eq!(state.busy, Some(("Get ready, 3 s: sweep every joint".into(), None)));
+    let measuring = Progress::Measuring { seconds_left: 19.5, instruction: "sweep every joint" };
+    state.update_state(EngineEvent::Calibrating { step, progress: measuring });
+    assert_eq!(state.busy, Some(("Measuring, 20 s: sweep every joint".into(), None)));
     assert_eq!(state.act(Action::Cancel), Some(Command::Cancel));
     state.update_state(EngineEvent::Idle);
     state.update_state(EngineEvent::Calibrated { step, measured: 40, failed: 5 });
@@ -81,20 +86,49 @@ fn a_calibration_step_is_told_and_can_be_given_up() {
 }
 
 #[test]
-fn space_connects_and_disconnects() {
+fn space_connects_and_never_disconnects() {
     let mut state = State { address: "  sim:spider ".into(), ..State::default() };
-    assert_eq!(state.act(Action::ToggleConnection), Some(Command::Connect("sim:spider".into())));
+    assert_eq!(state.act(Action::ConnectToField), Some(Command::Connect("sim:spider".into())));
     assert_eq!(state.connection, Connection::Connecting { address: "sim:spider".into() });
-    assert_eq!(state.act(Action::ToggleConnection), Some(Command::Disconnect));
+    assert_eq!(state.act(Action::ConnectToField), None);
+    assert_eq!(connected().act(Action::ConnectToField), None);
+    assert_eq!(state.act(Action::Disconnect), Some(Command::Disconnect));
     state.update_state(EngineEvent::Disconnected { problem: None });
     state.address = " ".into();
-    assert_eq!(state.act(Action::ToggleConnection), None);
+    assert_eq!(state.act(Action::ConnectToField), None);
+}
+
+#[test]
+fn nothing_is_live_while_the_line_is_broken() {
+    let mut state = connected();
+    assert!(state.is_live() && state.can_calibrate());
+    state.update_state(EngineEvent::LineBroken);
+    assert!(state.is_line_broken() && !state.is_live() && !state.can_calibrate());
+    assert_eq!(state.act(Action::ToggleRecording), None);
+    state.update_state(EngineEvent::LineRestored);
+    assert!(state.is_live() && !state.is_line_broken());
+    state.update_state(EngineEvent::LineBroken);
+    state.update_state(EngineEvent::Disconnected { problem: None });
+    assert!(!state.is_line_broken());
+}
+
+#[test]
+fn the_choice_is_what_was_loaded_not_what_was_asked_for() {
+    let mut state = State::default();
+    let hand = CharacterChoice::BuiltIn("hand");
+    assert_eq!(state.act(Action::Load(hand.clone())), Some(Command::LoadCharacter(hand.clone())));
+    assert!(!state.shows(&hand) && !state.shows(&CharacterChoice::default()));
+    let loaded = |source: &str| LoadedCharacter { source: source.into(), ..LoadedCharacter::default() };
+    state.update_state(EngineEvent::CharacterLoaded(Arc::new(loaded("hand"))));
+    assert!(state.shows(&hand));
+    state.update_state(EngineEvent::CharacterLoaded(Arc::new(loaded("fox.glb"))));
+    assert!(state.shows(&CharacterChoice::File("fox.glb".into())));
 }
 
 #[test]
 fn a_lost_puppet_leaves_the_character_and_a_remedy() {
     let mut state = connected();
-    state.update_state(EngineEvent::CharacterLoaded(Arc::new(CharacterView::default())));
+    state.update_state(EngineEvent::CharacterLoaded(Arc::new(LoadedCharacter::default())));
     state.update_state(EngineEvent::Recording { seconds: 1.0, samples: 3 });
     state.update_state(EngineEvent::Disconnected { problem: Some(problem("The cable was pulled.")) });
     assert!(state.character.is_some() && state.tree.is_none() && state.recording.is_none());
@@ -102,7 +136,12 @@ fn a_lost_puppet_leaves_the_character_and_a_remedy() {
     assert_eq!(state.reading(0), (SensorState::NoData, None));
     state.update_state(EngineEvent::Connected { address: "x".into(), device: "y".into() });
     assert!(state.notices.is_empty(), "a new connection answers the old problem");
-    assert!(!state.is_live(), "the pose of the puppet before is not one of this puppet");
+    state.update_state(EngineEvent::Problem(problem("The calibration cannot be read.")));
+    state.update_state(EngineEvent::Waiting(problem("Its boot loader has the line.")));
+    assert_eq!(state.notices.len(), 2);
+    state.update_state(EngineEvent::Connected { address: "x".into(), device: "y".into() });
+    assert_eq!(state.notices.len(), 1, "it has answered");
+    assert!(!state.is_live(), "the last pose belongs to another puppet");
 }
 
 #[test]
@@ -135,7 +174,7 @@ fn names_come_from_bones_where_there_are_any() {
     let mut state = connected();
     assert_eq!(state.part_label(1), "Bend joint");
     let bone = Bone { name: "elbow".into(), parent: None, rest: Transform::IDENTITY, tail: glam::Vec3::Y };
-    let character = CharacterView { skeleton: Skeleton::new(vec![bone]).unwrap(), ..CharacterView::default() };
+    let character = LoadedCharacter::bare("arm", "arm", Skeleton::new(vec![bone]).unwrap());
     state.update_state(EngineEvent::CharacterLoaded(Arc::new(character)));
     state.update_state(EngineEvent::Mapping { bone_of_part: vec![None, Some(0), Some(9)], solved: Vec::new() });
     assert_eq!((state.part_label(1).as_str(), state.parts_of_bone(0).collect::<Vec<_>>()), ("elbow", vec![1]));

@@ -15,19 +15,19 @@ pub(super) const WELL: Color32 = Color32::from_rgb(17, 19, 23);
 pub(super) const LINE: Color32 = Color32::from_rgb(43, 47, 56);
 /// Text.
 pub(super) const TEXT: Color32 = Color32::from_rgb(222, 226, 233);
-/// Text that explains.
+/// Secondary text.
 pub(super) const QUIET: Color32 = Color32::from_rgb(141, 149, 163);
-/// What is selected, and the main thing to press.
+/// Selections and primary buttons.
 pub(super) const ACCENT: Color32 = Color32::from_rgb(82, 160, 255);
-/// Recording, and what went wrong.
+/// Recording, and failures.
 pub(super) const RED: Color32 = Color32::from_rgb(255, 92, 84);
-/// Live, and what went well.
+/// Live, and successes.
 pub(super) const GREEN: Color32 = Color32::from_rgb(62, 207, 142);
-/// A reading to distrust.
+/// A doubtful reading.
 pub(super) const AMBER: Color32 = Color32::from_rgb(245, 184, 74);
-/// A reading the device itself distrusts.
+/// A reading that the device itself distrusts.
 pub(super) const VIOLET: Color32 = Color32::from_rgb(190, 130, 255);
-/// Nothing there.
+/// Absent.
 pub(super) const GREY: Color32 = Color32::from_rgb(92, 99, 112);
 
 /// Corners of cards.
@@ -43,7 +43,7 @@ pub(super) fn state_color(state: SensorState) -> Color32 {
     }
 }
 
-/// Dresses the whole window.
+/// Applies the theme to the whole window.
 pub(super) fn apply(ctx: &egui::Context) {
     ctx.set_theme(egui::Theme::Dark);
     ctx.all_styles_mut(|style| {
@@ -104,7 +104,7 @@ pub(super) fn card() -> egui::Frame {
         .inner_margin(Margin::same(14))
 }
 
-/// A card that floats over the picture.
+/// A card floating over the picture.
 pub(super) fn floating() -> egui::Frame {
     egui::Frame::new()
         .fill(Color32::from_rgba_unmultiplied(24, 27, 33, 225))

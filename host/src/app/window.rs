@@ -2,24 +2,19 @@
 
 use eframe::{CreationContext, egui};
 
-use super::engine::{AppLink, CharacterChoice, Command};
 use super::state::{Action, State};
 use super::view::View;
 use super::{paint, theme};
+use crate::engine::command::{CharacterChoice, Command};
+use crate::engine::link::AppLink;
 
 /// What to do as soon as the window is open.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Start {
     /// A puppet to connect to.
     pub device: Option<String>,
     /// The character to show.
     pub character: CharacterChoice,
-}
-
-impl Default for Start {
-    fn default() -> Self {
-        Self { device: None, character: CharacterChoice::Human }
-    }
 }
 
 /// The application.
@@ -33,7 +28,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// Dresses egui, compiles the shaders, and sends the first commands.
+    /// Applies the theme, compiles the shaders, and sends the first commands.
     pub fn new(context: &CreationContext<'_>, link: AppLink, start: Start) -> Self {
         theme::apply(&context.egui_ctx);
         let adapter = context.wgpu_render_state.as_ref().map_or_else(|| "no graphics adapter".into(), paint::install);

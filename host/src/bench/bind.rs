@@ -1,21 +1,22 @@
-//! From an OBJ and a skeleton to a bound character, as a user does it: the program run by itself, first without and then
-//! with its cache, beside Blender's automatic weights where `bpy` is installed.
+//! From an OBJ and a skeleton to a bound character, as a user does it: the program as a process, first without and then
+//! with its cache, compared with Blender's automatic weights if `bpy` is installed.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::peak_memory::peak_of;
-use super::{Measurement, median, python_peer, shared_file};
+use super::{Measurement, median, of_peer, python_peer, shared_file};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
+use crate::terminal::aside;
 
 pub(super) const NAMES: &[&str] = &["bind/armadillo", "bind/armadillo-memory", "bind/armadillo-cached", "bind/model"];
 
 const RUNS: usize = 3;
 const PEER: &str = "Blender automatic weights";
 const PEER_SCRIPT: &str = "blender_heat.py";
-/// How often a running program is asked for its memory.
+/// How often a running program's memory is measured.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
@@ -23,13 +24,13 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let is_given = given.is_some();
     let Some((mesh, skeleton)) = given.or_else(|| shared_file("armadillo.obj").zip(shared_file("armadillo.tgf")))
     else {
-        eprintln!("{}: skipped, the model is not here; name another with --model MESH SKELETON", NAMES[0]);
+        aside!("{}: skipped, the model is not here; name another with --model MESH SKELETON", NAMES[0]);
         return Ok(Vec::new());
     };
     let folder = std::env::temp_dir().join(format!("armature-bench-bind-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| trouble(&e))?;
     let measured = measure(&mesh, &skeleton, &folder);
-    // Left-overs in the system's own folder for them harm no one.
+    // Left-overs in the system's temporary folder do no harm.
     let _ = std::fs::remove_dir_all(&folder);
     let (mut whole, cached) = measured?;
     if is_given {
@@ -38,12 +39,12 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     }
     if let Some(python) = &args.bpy_python {
         let peer = python_peer(python, PEER_SCRIPT, &[&mesh, &skeleton], "pip install bpy")?;
-        whole.seconds.peer = peer["seconds"].as_f64().map(|seconds| (PEER.into(), seconds));
+        whole.seconds.peer = of_peer(&peer, "seconds", PEER);
     }
     let mut measurements = vec![whole.seconds.at_most(6.0, "at most 6 s")];
     match whole.megabytes {
         Some(peak) => measurements.push(Measurement::new(NAMES[1], peak, "MB", 1).at_most(1500.0, "below 1.5 GB")),
-        None => eprintln!("{}: skipped, this system does not tell", NAMES[1]),
+        None => aside!("{}: skipped, this system does not report memory", NAMES[1]),
     }
     measurements.push(cached.at_most(0.3, "at most 0.3 s"));
     Ok(measurements)
@@ -51,7 +52,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
 
 struct Whole {
     seconds: Measurement,
-    /// The most memory that the program held; `None` where the system does not tell.
+    /// Peak memory; `None` where the system does not report it.
     megabytes: Option<f64>,
 }
 
@@ -72,7 +73,7 @@ fn measure(mesh: &PathBuf, skeleton: &PathBuf, folder: &Path) -> Result<(Whole, 
     Ok((Whole { seconds, megabytes }, Measurement::new(NAMES[2], median(&kept), "s", RUNS)))
 }
 
-/// Runs `armature bind` with settings and cache in `folder`; its seconds and the most memory it held.
+/// Runs `armature bind` with settings and cache in `folder`; returns its seconds and peak memory.
 fn bind(mesh: &PathBuf, skeleton: &PathBuf, folder: &Path, more: &[&str]) -> Result<(f64, Option<f64>), Failure> {
     let program = std::env::current_exe().map_err(|e| trouble(&e))?;
     let mut command = Command::new(program);

@@ -1,11 +1,13 @@
-//! Skinning kernels, and poses that follow from as-rigid-as-possible energies.
+//! Skinning kernels, and poses by as-rigid-as-possible energies.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 
-use armature_deform::{
-    ArapEnergy, ArapSettings, ArapShape, ArapStop, BoneBlend, BoneSegment, DualQuaternionSkin, HandleConstraint,
-    LinearBlendSkin, ReducedArap, SharedJoint, SkinError, StretchTwist, StretchTwistSkin,
+use armature_deform::arap::{
+    ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap, SharedJoint,
+};
+use armature_deform::skin::{
+    BoneBlend, BoneSegment, DualQuaternionSkin, LinearBlendSkin, SkinError, StretchTwist, StretchTwistSkin,
 };
 use armature_geometry::Influences;
 use glam::{Affine3A, Quat, Vec3};
@@ -44,12 +46,12 @@ const BONES: usize = 23;
 const SKIN_RUNS: usize = 101;
 const SOLVE_RUNS: usize = 101;
 const SWITCH_RUNS: usize = 41;
-/// Of the thesis, for every frame.
+/// The thesis's number, for every frame.
 const ITERATIONS: usize = 15;
 pub(super) const CROWD: usize = 100;
 
-/// A row of thesis table 7.1: the time of an iteration does not depend on the model, only on how many handles and
-/// rotation clusters it has. The last two are what the thesis measured on a Core i7-2860QM at 2.5 GHz.
+/// A row of thesis table 7.1: an iteration's time does not depend on the model, only on how many handles and rotation
+/// clusters it has. The last two were measured for the thesis on a Core i7-2860QM at 2.5 GHz.
 struct Model {
     iteration: &'static str,
     switch: &'static str,
@@ -89,7 +91,7 @@ pub(super) fn defect(what: String) -> Failure {
 /// n×3.
 type Vectors = [[f32; 3]];
 
-/// As large as the armadillo, with four influences a vertex.
+/// As large as the armadillo, with four influences per vertex.
 pub(super) struct Shape {
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) influences: Influences,
@@ -160,7 +162,7 @@ fn skins() -> Result<Vec<Measurement>, Failure> {
     Ok(all)
 }
 
-/// What linear blending reads and writes a second, beside what copying large arrays does.
+/// What linear blending reads and writes per second, compared with copying large arrays.
 fn bandwidth(millis: f64) -> Measurement {
     // Position, normal and their results; a bone's number and weight for each of four influences; a block's header.
     let bytes = VERTICES * (4 * 12 + 4 * 6 + 1);
@@ -181,7 +183,7 @@ fn spiral(i: f32) -> [f32; 3] {
     [radius * angle.cos(), height, radius * angle.sin()]
 }
 
-/// A bar along x with its handles in a row, each meeting the next in a joint: a volume, or a strip in the plane.
+/// A bar along x with its handles in a row, each meeting the next at a joint: a volume, or a strip in the plane.
 fn row_of_handles(planar: bool, handles: usize, clusters: usize) -> Result<ReducedArap, Failure> {
     const LENGTH: usize = 60;
     let across = if planar { [6, 0] } else { [4, 4] };
@@ -225,7 +227,7 @@ fn row_of_handles(planar: bool, handles: usize, clusters: usize) -> Result<Reduc
     let energy = if planar { ArapEnergy::PlanarTriangles(&triangles) } else { ArapEnergy::Tetrahedra(&tetrahedra) };
     let shape = ArapShape { positions: &positions, energy, weights: &weights, handle_points: &points, joints: &joints };
     let settings = ArapSettings { clusters: Some(clusters), ..ArapSettings::default() };
-    ReducedArap::precompute(&shape, &settings, &mut |_| ControlFlow::Continue(())).map_err(|e| defect(e.to_string()))
+    ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).map_err(|e| defect(e.to_string()))
 }
 
 /// The first handle fully given, the last one's position.
@@ -265,7 +267,7 @@ fn table_row(model: &Model) -> Result<[Measurement; 2], Failure> {
     Ok([iteration, Measurement { note: Some(model.switch_words), ..switch }])
 }
 
-/// Any of these sets of constraints, the slowest of them told.
+/// Any of these sets of constraints; the slowest is reported.
 fn switch_bones() -> Result<Measurement, Failure> {
     let mut arap = row_of_handles(false, BONES, 2 * BONES)?;
     let kinds = [HandleConstraint::Free, HandleConstraint::Position, HandleConstraint::Orientation];

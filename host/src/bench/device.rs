@@ -1,4 +1,4 @@
-//! The device room: what a session costs, a long performance on a bad line, cables pulled, buses of servos.
+//! The device crate: the cost of a session, a long performance on a bad line, unplugged cables, servo buses.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -28,9 +28,9 @@ pub(super) const NAMES: &[&str] = &[
 
 const MICROS: u64 = 1_000_000;
 const STEP_MICROS: u64 = 1_000;
-/// The subtree is pulled out so often, and stays out for a second.
+/// The subtree is unplugged this often, for a second each time.
 const PULLED_EVERY: u64 = 5;
-/// A cable that is not back after this has been given up.
+/// A cable that is not back after this is given up.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
@@ -76,7 +76,7 @@ fn soak_puppet(seconds: u64) -> Result<Puppet, Failure> {
     Puppet::new(settings).map_err(|e| defect(e.to_string()))
 }
 
-/// What the samples of a soak say, as they come.
+/// What the samples of a soak say, as they arrive.
 #[derive(Default)]
 struct Heard {
     last: Option<(u32, u64)>,
@@ -109,9 +109,9 @@ fn soak(seconds: u64) -> Result<Vec<Measurement>, Failure> {
     let mut session = Session::new(SessionSettings::default());
     session.start(1_000_000);
     let (mut heard, mut bytes, mut events) = (Heard::default(), Vec::new(), Vec::new());
-    // A moment more than whole seconds, so that nothing is on its way at the end.
+    // A little more than whole seconds, so that nothing is in flight at the end.
     let steps = (seconds * MICROS + 700_000) / STEP_MICROS;
-    // Written to once, so that all its memory is taken before it is looked at.
+    // Written once, so that all its memory is allocated before it is measured.
     let mut costs = vec![f64::MAX; usize::try_from(steps).unwrap_or(0)];
     let mut early = 0;
     for (step, cost) in (0..steps).zip(&mut costs) {
@@ -137,7 +137,7 @@ fn soak(seconds: u64) -> Result<Vec<Measurement>, Failure> {
     }
     let grown = resident_kib().saturating_sub(early);
     if heard.out_of_order > 0 {
-        return Err(defect(format!("{} samples came twice or out of order", heard.out_of_order)));
+        return Err(defect(format!("{} samples arrived twice or out of order", heard.out_of_order)));
     }
     let truth = puppet.truth();
     let intact = truth.samples_sent - truth.samples_damaged;
@@ -154,14 +154,14 @@ fn soak(seconds: u64) -> Result<Vec<Measurement>, Failure> {
     ])
 }
 
-/// Memory in use, KiB; 0 where the system does not tell.
+/// Memory in use, KiB; 0 if the system does not report it.
 fn resident_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     line.and_then(|rest| rest.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
 
-/// A path that leads to whatever is plugged in, as a port's does.
+/// A path that leads to whatever is plugged in, as for a port.
 struct Socket {
     folder: PathBuf,
 }
@@ -183,7 +183,7 @@ impl Socket {
         let body = Body::preset("human", 1).map_err(|e| defect(e.to_string()))?;
         let puppet = Puppet::new(PuppetSettings::new(body)).map_err(|e| defect(e.to_string()))?;
         let served = Background::start(puppet, Place::Pty, ServeSettings::default());
-        let served = served.map_err(|e| Failure::device(e.to_string(), "is there a pseudo-terminal left?"))?;
+        let served = served.map_err(|e| Failure::device(e.to_string(), "is a pseudo-terminal free?"))?;
         let port = served.address().strip_prefix("serial:").unwrap_or(served.address()).to_owned();
         let linked = std::os::unix::fs::symlink(port, self.path());
         linked.map_err(|e| Failure::input(format!("{}: {e}", self.path().display()), ""))?;
@@ -199,7 +199,7 @@ impl Socket {
 
 impl Drop for Socket {
     fn drop(&mut self) {
-        // What is left of it lies in the folder for such things; the system clears it.
+        // Whatever is left of it is in the temporary folder, which the system clears.
         let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
@@ -209,7 +209,7 @@ fn replug(_: usize) -> Result<Vec<Measurement>, Failure> {
     Ok(Vec::new())
 }
 
-/// Pulls the cable of a real pseudo-terminal and plugs it in again, so many times.
+/// Unplugs the cable of a real pseudo-terminal and plugs it in again, this many times.
 #[cfg(unix)]
 fn replug(times: usize) -> Result<Vec<Measurement>, Failure> {
     let socket = Socket::new()?;
@@ -222,7 +222,7 @@ fn replug(times: usize) -> Result<Vec<Measurement>, Failure> {
     let address =
         DeviceAddress::Serial { path: socket.path().display().to_string(), baud: armature_device::DEFAULT_BAUD };
     let opening = Connection::open(runtime.handle(), &address, ConnectionSettings::default());
-    let mut connection = runtime.block_on(opening).map_err(|e| crate::engine::live::problem_failure(&e))?;
+    let mut connection = runtime.block_on(opening).map_err(|e| crate::engine::sources::address::problem_failure(&e))?;
     connection.start(500_000);
     let until = |connection: &mut Connection, wanted: fn(&Event) -> bool| -> Result<(), Failure> {
         runtime.block_on(async {
@@ -257,7 +257,7 @@ fn replug(times: usize) -> Result<Vec<Measurement>, Failure> {
     ])
 }
 
-/// Readings of sixteen servos a second at 1 Mbaud without return delay, on virtual time.
+/// Readings per second of sixteen servos at 1 Mbaud without return delay, on virtual time.
 fn servo_rate(kind: BusKind, knows_fast_reads: bool) -> Result<(f64, usize), Failure> {
     let (protocol, model) = match kind {
         BusKind::Feetech => (ServoProtocol::Feetech, 777),
@@ -277,7 +277,7 @@ fn servo_rate(kind: BusKind, knows_fast_reads: bool) -> Result<(f64, usize), Fai
     let mut session = ServoSession::new(arm, None, ServoSettings::default()).map_err(|e| defect(e.to_string()))?;
     session.start(2_000_000);
     let (mut now_nanos, mut events, mut readings) = (0_u64, Vec::new(), 0);
-    // Two seconds to get going, and ten to count.
+    // Two seconds to start up, and ten to count.
     let (from, counted) = (Duration::from_secs(2), Duration::from_secs(10));
     let to = from + counted;
     while Duration::from_nanos(now_nanos) < to {

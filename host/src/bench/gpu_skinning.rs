@@ -1,8 +1,8 @@
-//! A crowd skinned on the graphics adapter, where there is one.
+//! A crowd skinned on the graphics adapter, if there is one.
 
 use std::hint::black_box;
 
-use armature_deform::LinearBlendSkin;
+use armature_deform::skin::LinearBlendSkin;
 use armature_render::{Gpu, GpuSkin, RestShape, SkinMethod, SkinPoses};
 use glam::{Affine3A, Vec3};
 
@@ -10,18 +10,19 @@ use super::deform::{CROWD, Shape, defect};
 use super::{Measurement, median, time_runs};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
+use crate::terminal::aside;
 
 pub(super) const NAMES: &[&str] = &["gpu/skin-crowd-of-100"];
 
 const RUNS: usize = 21;
 
-/// A hundred poses of 43,243 vertices, from bones in memory to positions and normals on the adapter, beside the kernel
-/// that does the same on one core.
+/// A hundred poses of 43,243 vertices, from bones in memory to positions and normals on the adapter, compared with the
+/// kernel that does the same on one core.
 pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let gpu = match Gpu::request() {
         Ok(gpu) => gpu,
         Err(error) => {
-            eprintln!("note: gpu/… is left out: {error}");
+            aside!("note: gpu/… is skipped: {error}");
             return Ok(Vec::new());
         }
     };

@@ -1,4 +1,4 @@
-//! `armature bench`: what this machine does, by name, beside a peer where one is installed.
+//! `armature bench`: what this machine achieves, by name, compared with another program if one is installed.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -7,16 +7,20 @@ use std::time::Instant;
 use crate::cli::args::BenchArgs;
 use crate::engine::latency::percentile;
 use crate::failure::Failure;
+use crate::terminal::{aside, out};
 
 mod bind;
 mod deform;
 mod device;
+#[cfg(feature = "window")]
 mod gpu_skinning;
 mod heat;
 mod peak_memory;
 mod pose;
 mod protocol;
 mod stream;
+mod surface;
+mod surface_convergence;
 mod volume;
 mod volume_growth;
 mod weight_convergence;
@@ -28,19 +32,19 @@ mod winding;
 /// One measured number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measurement {
-    /// Like `protocol/decode`.
+    /// Such as `protocol/decode`.
     pub name: &'static str,
     /// The median over the runs.
     pub value: f64,
-    /// Like `MB/s`.
+    /// Such as `MB/s`.
     pub unit: &'static str,
-    /// How many runs.
+    /// Number of runs.
     pub runs: usize,
-    /// The peer's name and its value, measured in the same minutes.
+    /// The other program's name and its value, measured at about the same time.
     pub peer: Option<(String, f64)>,
-    /// What the number has to reach, in words, and whether it does; `None` where the number only informs.
+    /// The target, in words, and whether it is met; `None` if the number is only for information.
     pub budget: Option<(&'static str, bool)>,
-    /// What else to know, such as a number that was measured elsewhere.
+    /// Anything else worth knowing, such as a number measured elsewhere.
     pub note: Option<&'static str>,
 }
 
@@ -100,7 +104,7 @@ fn significant(value: f64) -> String {
     format!("{value:.*}", digits.clamp(0, 9) as usize)
 }
 
-/// A benchmark: the names of what it measures, and how.
+/// A benchmark: the names of its measurements, and how to make them.
 struct Benchmark {
     names: &'static [&'static str],
     run: fn(&BenchArgs) -> Result<Vec<Measurement>, Failure>,
@@ -110,6 +114,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: protocol::NAMES, run: protocol::run },
     Benchmark { names: pose::NAMES, run: pose::run },
     Benchmark { names: deform::NAMES, run: deform::run },
+    #[cfg(feature = "window")]
     Benchmark { names: gpu_skinning::NAMES, run: gpu_skinning::run },
     Benchmark { names: heat::NAMES, run: heat::run },
     Benchmark { names: winding::NAMES, run: winding::run },
@@ -120,6 +125,8 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: weight_convergence::NAMES, run: weight_convergence::run },
     Benchmark { names: weight_growth::NAMES, run: weight_growth::run },
     Benchmark { names: weight_partition::NAMES, run: weight_partition::run },
+    Benchmark { names: surface_convergence::NAMES, run: surface_convergence::run },
+    Benchmark { names: surface::NAMES, run: surface::run },
     Benchmark { names: stream::NAMES, run: stream::run },
     Benchmark { names: device::NAMES, run: device::run },
 ];
@@ -133,23 +140,23 @@ pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
         return Err(Failure::usage(what, "`armature bench --list` prints the names"));
     }
     if args.list {
-        chosen.iter().flat_map(|b| b.names).filter(|n| asked(n)).for_each(|name| println!("{name}"));
+        chosen.iter().flat_map(|b| b.names).filter(|n| asked(n)).for_each(|name| out!("{name}"));
         return Ok(());
     }
     if cfg!(debug_assertions) && !args.json {
-        eprintln!(
-            "note: this is a development build; numbers count in a release build (`cargo run --release -- bench`)"
-        );
+        aside!("note: this is a development build; numbers count in a release build (`cargo run --release -- bench`)");
     }
+    // Checked before minutes of work; several benchmarks of one run may draw into it.
+    args.plot.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
     for benchmark in chosen {
         for measurement in (benchmark.run)(args)?.iter().filter(|m| asked(m.name)) {
-            println!("{}", if args.json { measurement.to_json() } else { measurement.to_line() });
+            out!("{}", if args.json { measurement.to_json() } else { measurement.to_line() });
         }
     }
     Ok(())
 }
 
-/// Runs `work` once to warm up and `runs` times to measure; the seconds of each run, sorted.
+/// Runs `work` once to warm up and `runs` times to measure; returns the seconds of each run, sorted.
 fn time_runs(runs: usize, mut work: impl FnMut()) -> Vec<f64> {
     work();
     let mut seconds: Vec<f64> = (0..runs)
@@ -163,13 +170,13 @@ fn time_runs(runs: usize, mut work: impl FnMut()) -> Vec<f64> {
     seconds
 }
 
-/// A file of the models that the budgets are stated for, where a checkout has them beside it.
+/// A file of the models that the budgets are stated for, if a checkout has them beside it.
 fn shared_file(name: &str) -> Option<PathBuf> {
     let here = std::env::current_dir().ok()?;
     here.ancestors().map(|folder| folder.join("shared/data").join(name)).find(|file| file.exists())
 }
 
-/// Runs a peer's script from `tests/` and reads the JSON object in its last line that is one.
+/// Runs another program's script from `tests/` and parses the last line of its output that is a JSON object.
 fn python_peer(
     python: &Path,
     script: &str,
@@ -190,6 +197,16 @@ fn python_peer(
     object.ok_or_else(|| failed(complaint()))
 }
 
+/// A number that a peer measured. One that cannot be (a time below zero, as the difference of two noisy ones may be) is
+/// left out, and that is said.
+fn of_peer(measured: &serde_json::Value, key: &str, peer: &str) -> Option<(String, f64)> {
+    let value = measured[key].as_f64().filter(|value| value.is_finite() && *value > 0.0);
+    if value.is_none() {
+        aside!("note: {peer}: {key} was not measured ({}); run it again on a quiet machine", measured[key]);
+    }
+    value.map(|value| (peer.to_owned(), value))
+}
+
 fn median(sorted: &[f64]) -> f64 {
     percentile(sorted, 0.5)
 }
@@ -204,5 +221,14 @@ mod tests {
         let value: serde_json::Value = serde_json::from_str(&measurement.to_json()).unwrap();
         assert_eq!(value["ratio"], 0.5);
         assert_eq!(value["peer"], "other");
+    }
+
+    #[test]
+    fn a_peer_has_no_negative_times() {
+        let measured = serde_json::json!({"fast": -0.3, "exact": 2.5, "none": null});
+        assert_eq!(of_peer(&measured, "exact", "libigl"), Some(("libigl".into(), 2.5)));
+        for key in ["fast", "none", "missing"] {
+            assert_eq!(of_peer(&measured, key, "libigl"), None, "{key}");
+        }
     }
 }

@@ -1,17 +1,16 @@
-//! The most memory that a process has held. Only Linux tells.
+//! The peak memory of a process. Only Linux reports it.
 
-/// Forgets the most that this process held until now. Where that cannot be done the peak is that of the whole run,
-/// which is no less.
+/// Resets the process's peak. If that is impossible, the peak is that of the whole run, which is no less.
 pub(super) fn reset_peak() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-/// The most that this process has held since, in megabytes; `None` where the system does not tell.
+/// The peak since then, in megabytes; `None` if the system does not report it.
 pub(super) fn peak() -> Option<f64> {
     peak_in("/proc/self/status")
 }
 
-/// The most that a running process has held, in megabytes.
+/// A running process's peak, in megabytes.
 pub(super) fn peak_of(process: u32) -> Option<f64> {
     peak_in(&format!("/proc/{process}/status"))
 }

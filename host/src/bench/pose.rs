@@ -7,16 +7,14 @@ use std::sync::Arc;
 use armature_rig::Calibration;
 
 use super::{Measurement, median, time_runs};
-use crate::characters;
+use crate::characters::inverse_kinematics::{IkArgs, IkMode};
+use crate::characters::{self, LoadedCharacter};
 use crate::cli::args::BenchArgs;
-use crate::engine::actor::Actor;
-use crate::engine::completion::{IkArgs, IkMode};
 use crate::engine::latency::percentile;
-use crate::engine::perform::{Next, Source};
-use crate::engine::performance::{Performance, ZeroPolicy};
-use crate::engine::simulated::SimulatedArgs;
-use crate::engine::stage::Stage;
-use crate::engine::virtual_clock::VirtualPuppet;
+use crate::engine::pipeline::Pipeline;
+use crate::engine::puppeteer::{Puppeteer, ZeroPolicy};
+use crate::engine::sources::VirtualSource;
+use crate::engine::sources::simulated::SimulatedArgs;
 use crate::failure::Failure;
 
 pub(super) const NAMES: &[&str] = &[
@@ -29,7 +27,7 @@ pub(super) const NAMES: &[&str] = &[
 const CHARACTER_RUNS: usize = 3;
 const POSES: usize = 4_000;
 const PREPARE_RUNS: usize = 5;
-/// What a puppet of eight joints drives.
+/// The bones that a puppet with eight joints drives.
 const EIGHT: [&str; 8] = [
     "UpperChest",
     "Head",
@@ -42,7 +40,7 @@ const EIGHT: [&str; 8] = [
 ];
 
 pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
-    let human = Arc::new(characters::find("human", &mut |_| ControlFlow::Continue(()))?.actor);
+    let human = Arc::new(characters::find("human", &mut |_, _| ControlFlow::Continue(()))?.character);
     let all_joints = IkArgs { ik: IkMode::Off, ..IkArgs::default() };
     Ok(vec![
         character()?,
@@ -52,11 +50,11 @@ pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     ])
 }
 
-/// The human made anew, not from the cache.
+/// The human, made from scratch rather than read from the cache.
 fn character() -> Result<Measurement, Failure> {
     let mut outcome = Ok(());
     let seconds = time_runs(CHARACTER_RUNS, || {
-        if let Err(error) = armature_character::human() {
+        if let Err(error) = armature_character::own::human() {
             outcome = Err(Failure::not_converged(error.to_string(), "this is a defect; please report it"));
         }
     });
@@ -64,29 +62,29 @@ fn character() -> Result<Measurement, Failure> {
     Ok(Measurement::new("character/human", median(&seconds), "s", CHARACTER_RUNS))
 }
 
-/// What a puppet of eight joints waits for when it is plugged in: inverse kinematics for another set of joints.
-fn prepare(human: &Arc<Actor>) -> Result<Measurement, Failure> {
+/// The wait when a puppet with eight joints is plugged in: inverse kinematics is prepared for another set of joints.
+fn prepare(human: &Arc<LoadedCharacter>) -> Result<Measurement, Failure> {
     let failed = |what: String| Failure::not_converged(what, "this is a defect; please report it");
-    let mut ik = IkArgs::default().of_actor(human)?.ok_or_else(|| failed("the human has no mesh".into()))?;
+    let mut ik = IkArgs::default().for_character(human)?.ok_or_else(|| failed("the human has no mesh".into()))?;
     let driven: Vec<bool> = human.skeleton.bones().iter().map(|bone| EIGHT.contains(&bone.name.as_str())).collect();
     let mut outcome = Ok(());
     let seconds =
-        time_runs(PREPARE_RUNS, || outcome = ik.drive(black_box(&driven), &mut |_| ControlFlow::Continue(())));
+        time_runs(PREPARE_RUNS, || outcome = ik.drive(black_box(&driven), &mut |_, _| ControlFlow::Continue(())));
     outcome.map_err(|e| failed(e.to_string()))?;
     Ok(Measurement::new("pose/human8-ik-prepare", median(&seconds) * 1e3, "ms", PREPARE_RUNS))
 }
 
 /// A sample of a simulated human, from decoded counts to skinned vertices.
-fn pose(name: &'static str, human: &Arc<Actor>, puppet: &str, ik: &IkArgs) -> Result<Measurement, Failure> {
-    let performance = Performance::new(human.clone(), None, Calibration::default(), ZeroPolicy::AtStart)?
+fn pose(name: &'static str, human: &Arc<LoadedCharacter>, puppet: &str, ik: &IkArgs) -> Result<Measurement, Failure> {
+    let puppeteer = Puppeteer::new(human.clone(), None, Calibration::default(), ZeroPolicy::AtStart)?
         .with_inverse_kinematics(ik)?;
-    let mut stage: Stage<Vec<u8>> = Stage::new(performance);
-    let mut puppet = VirtualPuppet::new(puppet, &SimulatedArgs::default(), 1000.0)?;
+    let mut pipeline: Pipeline<Vec<u8>> = Pipeline::new(puppeteer);
+    let mut puppet = VirtualSource::new(puppet, &SimulatedArgs::default(), 1000.0)?;
     let mut micros = Vec::with_capacity(POSES);
     while micros.len() < POSES {
-        let Next::Event(event) = puppet.next() else { continue };
+        let Some(event) = puppet.next_event() else { continue };
         let start = std::time::Instant::now();
-        if stage.handle(&event)?.posed {
+        if pipeline.handle(&event)?.posed {
             micros.push(start.elapsed().as_secs_f64() * 1e6);
         }
     }

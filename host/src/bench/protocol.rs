@@ -55,7 +55,7 @@ fn encode_samples() -> Result<Vec<u8>, EncodeError> {
     Ok(out)
 }
 
-/// Decodes as a session does: portions of a read, every count looked at.
+/// Decodes like a session: in portions as read, with every count used.
 fn decode_samples(bytes: &[u8]) -> u64 {
     let mut decoder = Decoder::new();
     let mut accepted = 0;

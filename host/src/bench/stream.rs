@@ -3,16 +3,17 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use armature_rig::Calibration;
-use armature_take::Header;
-
 use super::Measurement;
 use crate::characters;
+use crate::characters::inverse_kinematics::{IkArgs, IkMode};
 use crate::cli::args::BenchArgs;
-use crate::engine::live::Live;
-use crate::engine::perform::{self, Plan};
-use crate::engine::performance::{Performance, ZeroPolicy};
-use crate::engine::simulated::SimulatedArgs;
+use crate::engine::command::RunPlan;
+use crate::engine::drive::drive_run;
+use crate::engine::inbox::Inbox;
+use crate::engine::machine::{Engine, EngineSettings};
+use crate::engine::puppeteer::ZeroPolicy;
+use crate::engine::sources::simulated::SimulatedArgs;
+use crate::engine::sources::{LiveSettings, LiveSource};
 use crate::failure::Failure;
 
 pub(super) const NAMES: &[&str] = &[
@@ -26,13 +27,19 @@ const PUPPET: &str = "sim:joints:32";
 const SAMPLES_PER_SECOND: f64 = 1000.0;
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
-    let found = characters::find("human", &mut |_| ControlFlow::Continue(()))?;
-    let performance = Performance::new(Arc::new(found.actor), None, Calibration::default(), ZeroPolicy::AtStart)?;
+    let found = characters::find("human", &mut |_, _| ControlFlow::Continue(()))?;
+    let mut engine = Engine::new(EngineSettings {
+        samples_per_second: SAMPLES_PER_SECOND,
+        zero_policy: ZeroPolicy::AtStart,
+        ik: IkArgs { ik: IkMode::Off, ..IkArgs::default() },
+        draws: false,
+        ..EngineSettings::default()
+    });
     let simulated = SimulatedArgs { motion: Some("wiggle".into()), ..SimulatedArgs::default() };
-    let mut live = Live::connect(PUPPET, &simulated)?;
-    live.start_when_ready(SAMPLES_PER_SECOND);
-    let plan = Plan { seconds: Some(args.stream_seconds), record: None, header: Header::default() };
-    let (_, summary) = perform::perform(live, performance, &plan, &mut |_, _| ())?;
+    let mut source = LiveSource::new(Inbox::default(), LiveSettings { simulated, ..LiveSettings::default() })?;
+    let plan = RunPlan { seconds: Some(args.stream_seconds), ..RunPlan::default() };
+    let character = Arc::new(found.character);
+    let summary = drive_run(&mut engine, &mut source, character, PUPPET, plan, &mut |_| ())?;
     if let Some(trouble) = summary.trouble {
         return Err(trouble);
     }

@@ -1,17 +1,19 @@
-//! Volumes of a real model, beside `TetGen` where it is installed.
+//! Volumes of a real model, compared with `TetGen` if it is installed.
 
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{Resolution, TriangleMesh, Volume, VolumeSettings};
+use armature_geometry::TriangleMesh;
+use armature_geometry::volume::{Resolution, Volume, VolumeSettings};
 
 use super::peak_memory::{peak, reset_peak};
-use super::{Measurement, python_peer, shared_file};
+use super::{Measurement, of_peer, python_peer, shared_file};
+use crate::characters::volumes::{Handles, Made, make, make_failure};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
-use crate::inputs;
-use crate::volumes::{Handles, Made, make, make_failure};
+use crate::files::inputs;
+use crate::terminal::aside;
 
 pub(super) const NAMES: &[&str] = &[
     "volume/conforming-armadillo",
@@ -28,12 +30,12 @@ const RUNS: usize = 3;
 const PEER: &str = "TetGen pq1.414Y";
 const PEER_SCRIPT: &str = "tetgen_volume.py";
 const EMBEDDED_VERTICES: usize = 10_000;
-/// What `TetGen` 0.8.4 takes on the same input on a machine of two cores.
+/// What `TetGen` 0.8.4 takes on the same input on a machine with two cores.
 const BUDGET_SECONDS: f64 = 11.5;
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let (Some(mesh_path), Some(skeleton_path)) = (shared_file("armadillo.obj"), shared_file("armadillo.tgf")) else {
-        eprintln!("{}: skipped, the model is not here", NAMES[0]);
+        aside!("{}: skipped, the model is not here", NAMES[0]);
         return Ok(Vec::new());
     };
     let mesh = inputs::model(&mesh_path)?.mesh;
@@ -44,7 +46,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
         Measurement::new(NAMES[0], conforming.seconds, "s", RUNS).at_most(BUDGET_SECONDS, "at most 11.5 s");
     if let Some(python) = &args.tetgen_python {
         let peer = python_peer(python, PEER_SCRIPT, &[&mesh_path, &skeleton_path], "pip install tetgen==0.8.4")?;
-        seconds.peer = peer["seconds"].as_f64().map(|s| (PEER.into(), s));
+        seconds.peer = of_peer(&peer, "seconds", PEER);
     }
     let report = &volume.report;
     let facets = (report.facets_whole + report.facets_cut) as f64 / report.facets.max(1) as f64;
@@ -58,7 +60,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     ];
     match conforming.peak_megabytes {
         Some(peak) => measurements.push(Measurement::new(NAMES[5], peak, "MB", 1).at_most(1000.0, "below 1 GB")),
-        None => eprintln!("{}: skipped, this system does not tell", NAMES[5]),
+        None => aside!("{}: skipped, this system does not report memory", NAMES[5]),
     }
     measurements.push(Measurement::new(NAMES[6], embedded.seconds, "s", RUNS).at_most(1.5, "at most 1.5 s"));
     measurements.push(Measurement::new(NAMES[7], coarse.mesh.vertices.len() as f64, "vertices", 1));
@@ -69,7 +71,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
 pub(super) struct Cost {
     /// The median.
     pub(super) seconds: f64,
-    /// The most memory that the process held while at it; `None` where the system does not tell.
+    /// Peak memory during the run; `None` if the system does not report it.
     pub(super) peak_megabytes: Option<f64>,
 }
 
@@ -84,7 +86,7 @@ fn timed(
     let mut made = None;
     let mut peak_megabytes = None;
     for _ in 0..RUNS {
-        // What an earlier run made is not counted with this one.
+        // Memory of an earlier run must not count for this one.
         drop(made.take());
         reset_peak();
         let start = Instant::now();
@@ -110,7 +112,7 @@ pub(super) fn volume_of(
     }
 }
 
-/// Vertices of the surface that are no vertex of the volume, by their bits.
+/// Vertices of the surface that are not vertices of the volume, compared bit by bit.
 fn missing(mesh: &TriangleMesh, volume: &Volume) -> usize {
     let bits = |p: &[f64; 3]| p.map(f64::to_bits);
     let mut there: Vec<[u64; 3]> = volume.mesh.vertices.iter().map(bits).collect();

@@ -2,16 +2,19 @@
 
 use std::time::Instant;
 
-use armature_geometry::{Edge, Resolution, TriangleMesh, edges};
+use armature_geometry::TriangleMesh;
+use armature_geometry::surface::{Edge, edges};
+use armature_geometry::volume::Resolution;
 use glam::DVec3;
 use plotters::prelude::*;
 
 use super::volume::volume_of;
 use super::{Measurement, shared_file};
+use crate::characters::volumes::Handles;
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
-use crate::volumes::Handles;
-use crate::{files, inputs};
+use crate::files::{Overwrite, inputs};
+use crate::terminal::aside;
 
 /// The exponent, and the seconds at each size.
 pub(super) const NAMES: &[&str] =
@@ -22,7 +25,7 @@ const PLOT_SIZE: (u32, u32) = (960, 640);
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let Some(path) = shared_file(MODEL) else {
-        eprintln!("{}: skipped, the model is not here", NAMES[0]);
+        aside!("{}: skipped, the model is not here", NAMES[0]);
         return Ok(Vec::new());
     };
     let mut mesh = inputs::model(&path)?.mesh;
@@ -38,7 +41,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
         let seconds = start.elapsed().as_secs_f64();
         points.push((mesh.triangles.len() as f64, seconds));
         measurements.push(Measurement::new(name, seconds, "s", 1));
-        eprintln!(
+        aside!(
             "{:>9} triangles, {:>9} tetrahedra: {seconds:>8.2} s, {:.1} µs a triangle",
             mesh.triangles.len(),
             volume.mesh.tetrahedra.len(),
@@ -49,12 +52,12 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     measurements.insert(0, Measurement::new(NAMES[0], exponent(&points), "power", 1).at_most(1.3, "at most 1.3"));
     if let Some(file) = &args.plot {
         let svg = plot(&points).map_err(|e| Failure::not_converged(format!("{}: {e}", file.display()), ""))?;
-        files::write(file, svg.as_bytes())?;
+        Overwrite { force: true }.write(file, svg.as_bytes())?;
     }
     Ok(measurements)
 }
 
-/// Of which power of the size the time is: the slope of the line through the logarithms.
+/// The power of the size that the time grows with: the slope of the line through the logarithms.
 pub(super) fn exponent(points: &[(f64, f64)]) -> f64 {
     let logs: Vec<(f64, f64)> = points.iter().map(|(n, s)| (n.ln(), s.ln())).collect();
     let count = logs.len() as f64;
@@ -63,7 +66,7 @@ pub(super) fn exponent(points: &[(f64, f64)]) -> f64 {
     covariance / logs.iter().map(|(x, _)| (x - mx).powi(2)).sum::<f64>()
 }
 
-/// One step of Loop's subdivision of a closed surface: four triangles for each.
+/// One step of Loop subdivision of a closed surface: four triangles for each one.
 fn loop_subdivision(mesh: &TriangleMesh) -> TriangleMesh {
     let count = mesh.vertices.len();
     let edges = edges(&mesh.triangles);
@@ -75,7 +78,7 @@ fn loop_subdivision(mesh: &TriangleMesh) -> TriangleMesh {
     let mut middles = vec![DVec3::ZERO; edges.len()];
     for &[a, b, c] in &mesh.triangles {
         for [from, to, opposite] in [[a, b, c], [b, c, a], [c, a, b]] {
-            // Each of the two triangles at an edge brings half of the ends' share.
+            // Each of the two triangles at an edge contributes half of the ends' share.
             middles[edge_of(from, to)] += 3.0 / 16.0 * (at(from) + at(to)) + at(opposite) / 8.0;
         }
     }
@@ -101,7 +104,7 @@ fn loop_subdivision(mesh: &TriangleMesh) -> TriangleMesh {
     TriangleMesh { vertices, triangles: mesh.triangles.iter().flat_map(split).collect() }
 }
 
-/// Time against size, both logarithmic, with a line of the first power beside it.
+/// Time against size, both logarithmic, with a line of power one for comparison.
 fn plot(points: &[(f64, f64)]) -> Result<String, Box<dyn std::error::Error>> {
     let (first, last) = (points.first().ok_or("nothing was measured")?, points.last().ok_or("nothing was measured")?);
     let linear = |n: f64| first.1 * n / first.0;
@@ -158,7 +161,7 @@ mod tests {
         for step in 1..4 {
             mesh = loop_subdivision(&mesh);
             assert_eq!(mesh.triangles.len(), 8 << (2 * step));
-            let diagnosis = armature_geometry::diagnose(&mesh).unwrap();
+            let diagnosis = armature_geometry::surface::diagnose(&mesh).unwrap();
             assert!(diagnosis.closed && diagnosis.signed_volume > 0.0 && diagnosis.euler_characteristic == 2);
         }
         let radii: Vec<f64> = mesh.vertices.iter().map(|&p| DVec3::from(p).length()).collect();

@@ -4,23 +4,27 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_character::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition,
-    WEIGHT_VOLUME_VERTICES, WeightsOn, handle_weights,
+use armature_character::bind::WEIGHT_VOLUME_VERTICES;
+use armature_character::handle_weights::{
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition, WeightsOn,
+    handle_weights,
 };
 use armature_geometry::TriangleMesh;
 use armature_rig::Skeleton;
 use armature_weights::WeightMatrix;
+use armature_weights::handles::FREE_NEAR_JOINTS;
 use plotters::prelude::*;
 
 use super::{Measurement, shared_file};
+use crate::characters;
+use crate::characters::volumes::Handles;
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
-use crate::volumes::Handles;
-use crate::{characters, files, inputs};
+use crate::files::{Overwrite, inputs};
+use crate::terminal::aside;
 
-/// For each model the mean and the largest difference, where a weight is above [`COUNTS`], of the weights in a volume
-/// of [`WEIGHT_VOLUME_VERTICES`] to those in the finest.
+/// For each model, the mean and largest difference (where a weight is above [`COUNTS`]) between weights in a volume of
+/// [`WEIGHT_VOLUME_VERTICES`] and those in the finest.
 pub(super) const NAMES: &[&str] = &[
     "weights/convergence-armadillo",
     "weights/convergence-armadillo-most",
@@ -35,7 +39,7 @@ const MODELS: [(&str, &str, &str); 3] = [
     ("elephant", "elephant.obj", "elephant.tgf"),
     ("hand", "hand.mesh", "hand.tgf"),
 ];
-/// Vertices of the embedded volume, about; the last is what the others are held against.
+/// Approximate vertices of the embedded volume; the others are compared with the last.
 const SIZES: [usize; 5] = [1_250, 2_500, 5_000, 10_000, 20_000];
 /// Weights below this on both sides do not count, so that empty regions do not flatter the mean.
 const COUNTS: f64 = 0.01;
@@ -45,7 +49,7 @@ const PLOT_SIZE: (u32, u32) = (960, 480);
 struct Sample {
     vertices: usize,
     seconds: f64,
-    /// Mean and largest difference to the finest; none for the finest itself.
+    /// Mean and largest difference from the finest; `None` for the finest itself.
     error: Option<(f64, f64)>,
 }
 
@@ -54,7 +58,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let mut curves = Vec::new();
     for (&(label, model, skeleton), names) in MODELS.iter().zip(NAMES.chunks_exact(2)) {
         let (Some(model), Some(skeleton)) = (shared_file(model), shared_file(skeleton)) else {
-            eprintln!("{}: skipped, the model is not here", names[0]);
+            aside!("{}: skipped, the model is not here", names[0]);
             continue;
         };
         let mesh = inputs::model(&model)?.mesh;
@@ -69,7 +73,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     }
     if let Some(file) = &args.plot {
         let svg = plot(&curves).map_err(|e| Failure::not_converged(format!("{}: {e}", file.display()), ""))?;
-        files::write(file, svg.as_bytes())?;
+        Overwrite { force: true }.write(file, svg.as_bytes())?;
     }
     Ok(measurements)
 }
@@ -82,6 +86,7 @@ fn refine(mesh: &TriangleMesh, shapes: &[HandleShape], path: &Path) -> Result<Ve
             tier: BiharmonicTier::Interactive,
             on: WeightsOn::Volume { vertices },
             partition: Partition::Normalised,
+            joint_release: FREE_NEAR_JOINTS,
         };
         let held = Held::Shapes { shapes, cage: &[] };
         let made = handle_weights(mesh, None, held, &settings, &mut |_, _| ControlFlow::Continue(()))
@@ -90,7 +95,7 @@ fn refine(mesh: &TriangleMesh, shapes: &[HandleShape], path: &Path) -> Result<Ve
             return Err(Failure::not_converged(format!("{}: the weights did not converge", path.display()), ""));
         }
         let seconds = start.elapsed().as_secs_f64();
-        eprintln!("{}: {} vertices in {seconds:.2} s", path.display(), made.domain_vertices);
+        aside!("{}: {} vertices in {seconds:.2} s", path.display(), made.domain_vertices);
         found.push((made, seconds));
     }
     let finest = found.last().map(|(made, _)| made.weights.clone()).unwrap_or_default();
@@ -98,7 +103,7 @@ fn refine(mesh: &TriangleMesh, shapes: &[HandleShape], path: &Path) -> Result<Ve
     let sample = |(index, (made, seconds)): (usize, &(HandleWeights, f64))| {
         let error = (index < last).then(|| difference(&made.weights, &finest));
         if let Some((mean, most)) = error {
-            eprintln!("{}: {} vertices: mean {mean:.4}, largest {most:.3}", path.display(), made.domain_vertices);
+            aside!("{}: {} vertices: mean {mean:.4}, largest {most:.3}", path.display(), made.domain_vertices);
         }
         Sample { vertices: made.domain_vertices, seconds: *seconds, error }
     };
@@ -169,7 +174,7 @@ fn plot(curves: &[(&str, Vec<Sample>)]) -> Result<String, Box<dyn std::error::Er
     Ok(svg)
 }
 
-/// Least and most of positive numbers.
+/// The least and greatest of some positive numbers.
 fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let (low, high) =
         values.filter(|v| *v > 0.0).fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), v| (l.min(v), h.max(v)));

@@ -4,24 +4,27 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{Lumping, Resolution, TetrahedralMesh, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
-use armature_weights::{
-    BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, Handle, HandleKind,
-    bounded_biharmonic_weights, handle_boundary,
+use armature_geometry::TetrahedralMesh;
+use armature_geometry::operators::{Lumping, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
+use armature_geometry::volume::Resolution;
+use armature_weights::biharmonic::{
+    BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, bounded_biharmonic_weights,
 };
+use armature_weights::handles::{Handle, HandleKind, handle_boundary};
 use glam::DVec3;
 
 use super::peak_memory::{peak, reset_peak};
 use super::volume::volume_of;
 use super::volume_growth::exponent;
 use super::{Measurement, shared_file};
+use crate::characters::volumes::Handles;
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
-use crate::inputs;
-use crate::volumes::Handles;
+use crate::files::inputs;
+use crate::terminal::aside;
 
-/// Exponents of seconds, of the most memory and of the weights stored over handles, and the seconds of each number;
-/// the exponent of seconds over vertices, and the seconds of each volume.
+/// Exponents of seconds, of peak memory and of the number of stored weights over handles, and the seconds for each
+/// number; the exponent of seconds over vertices, and the seconds for each volume.
 pub(super) const NAMES: &[&str] = &[
     "weights/growth-with-handles",
     "weights/growth-with-handles-memory",
@@ -56,7 +59,7 @@ struct Sample {
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let Some(path) = shared_file(MODEL) else {
-        eprintln!("{}: skipped, the model is not here", NAMES[0]);
+        aside!("{}: skipped, the model is not here", NAMES[0]);
         return Ok(Vec::new());
     };
     let surface = inputs::model(&path)?.mesh;
@@ -77,7 +80,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
                 let points: Vec<_> = HANDLES.iter().zip(peaks).map(|(&m, &peak)| (m as f64, peak)).collect();
                 measurements.push(Measurement::new(NAMES[1], exponent(&points), "power", 1).at_most(1.0, "at most 1"));
             }
-            None => eprintln!("{}: skipped, this system does not tell", NAMES[1]),
+            None => aside!("{}: skipped, this system does not report memory", NAMES[1]),
         }
         let stored = power(&|sample| sample.stored as f64);
         measurements.push(Measurement::new(NAMES[2], stored, "power", 1).at_most(1.0, "at most 1"));
@@ -99,12 +102,12 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     Ok(measurements)
 }
 
-/// Whether any of these names was asked for.
+/// Whether any of these names was requested.
 fn asked(args: &BenchArgs, names: &[&str]) -> bool {
     args.what.as_deref().is_none_or(|what| names.iter().any(|name| name.contains(what)))
 }
 
-/// Weights of point handles that lie as far from each other as they can.
+/// Weights of point handles that are as far from each other as possible.
 fn measure(mesh: &TetrahedralMesh, handles: usize, path: &Path) -> Result<Sample, Failure> {
     let failed = |what: String| Failure::not_converged(format!("{}: {what}", path.display()), "");
     let point = |vertex: usize| Handle { kind: HandleKind::Own, vertices: vec![vertex] };
@@ -124,7 +127,7 @@ fn measure(mesh: &TetrahedralMesh, handles: usize, path: &Path) -> Result<Sample
     };
     let settings = BiharmonicSettings::interactive();
     let BiharmonicWeights { weights, reports, .. } =
-        bounded_biharmonic_weights(&problem, &settings, &mut |_| ControlFlow::Continue(()))
+        bounded_biharmonic_weights(&problem, &settings, &mut |_, _| ControlFlow::Continue(()))
             .map_err(|e| failed(e.to_string()))?;
     let seconds = start.elapsed().as_secs_f64();
     let peak_megabytes = peak();
@@ -132,7 +135,7 @@ fn measure(mesh: &TetrahedralMesh, handles: usize, path: &Path) -> Result<Sample
         return Err(failed("the weights did not converge".into()));
     }
     let (vertices, stored) = (mesh.vertices.len(), weights.stored());
-    eprintln!(
+    aside!(
         "{handles:>5} handles, {vertices:>6} vertices: {seconds:>7.2} s, {:>8.2} ms a handle, {:>6.0} vertices follow \
          each, {} at most",
         1e3 * seconds / handles as f64,
@@ -142,7 +145,7 @@ fn measure(mesh: &TetrahedralMesh, handles: usize, path: &Path) -> Result<Sample
     Ok(Sample { vertices, seconds, peak_megabytes, stored })
 }
 
-/// So many of `points`, each the farthest from all before it, from the first on; ascending.
+/// This many of `points`, starting with the first, each the farthest from all before it; ascending.
 fn farthest_points(points: &[[f64; 3]], count: usize) -> Vec<usize> {
     let mut distances = vec![f64::INFINITY; points.len()];
     let mut chosen = Vec::with_capacity(count);

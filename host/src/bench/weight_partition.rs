@@ -1,19 +1,22 @@
-//! The exact partition of unity against handles solved alone and scaled, as the BBW paper's table 2 compares them.
+//! The exact partition of unity against handles solved separately and scaled, compared as in the BBW paper's table 2.
 
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_character::{
+use armature_character::handle_weights::{
     BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition, WeightsOn,
     handle_weights,
 };
+use armature_weights::handles::FREE_NEAR_JOINTS;
 
 use super::weight_convergence::shapes_of;
 use super::{Measurement, shared_file};
+use crate::characters;
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
-use crate::{characters, inputs};
+use crate::files::inputs;
+use crate::terminal::aside;
 
 /// For each model the mean and the largest difference over all its vertices and handles, as in the paper's table.
 pub(super) const NAMES: &[&str] = &[
@@ -39,7 +42,7 @@ const MODELS: [(&str, Option<&str>); 5] = [
 /// Points on the flat figure: hands, feet, head and belly, in its unit.
 const WOODY: [[f64; 2]; 6] =
     [[25.0, 235.0], [325.0, 235.0], [115.0, 25.0], [255.0, 25.0], [170.0, 350.0], [175.0, 150.0]];
-/// Vertices of the volume, about.
+/// Approximate vertices of the volume.
 const VERTICES: usize = 2_500;
 
 pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
@@ -48,7 +51,7 @@ pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
         let (Some(path), Some(skeleton)) =
             (shared_file(mesh), skeleton.map_or(Some(None), |s| shared_file(s).map(Some)))
         else {
-            eprintln!("{}: skipped, the model is not here", names[0]);
+            aside!("{}: skipped, the model is not here", names[0]);
             continue;
         };
         let shapes = match skeleton {
@@ -61,7 +64,7 @@ pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
         }
         let (together, longer) = solved(&path, &shapes, Partition::Exact)?;
         let bound = together.error_bound();
-        eprintln!(
+        aside!(
             "{}: {} handles, {} vertices; alone in {seconds:.2} s, together in {longer:.2} s to {bound:.1e}",
             path.display(),
             shapes.len(),
@@ -70,7 +73,8 @@ pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
         let of_handle = |handle: usize| alone.weights.bone(handle).into_iter().zip(together.weights.bone(handle));
         let apart = || (0..shapes.len()).flat_map(of_handle).map(|(a, b)| (a - b).abs());
         let mean = apart().sum::<f64>() / apart().count().max(1) as f64;
-        // Slivers make the bound useless long before the weights are: the numbers are told with what is known of them.
+        // Slivers make the bound useless long before the weights are: the numbers are reported with what is known about
+        // them.
         let note = (together.unconverged() > 0).then_some("stopped at the limit of steps, not certified");
         measurements.push(Measurement { note, ..Measurement::new(names[0], mean, "mean |Δw|", 1) });
         let most = apart().fold(0.0, f64::max);
@@ -91,7 +95,8 @@ fn solved(path: &Path, shapes: &[HandleShape], partition: Partition) -> Result<(
     let mesh = inputs::model(path)?.mesh;
     let start = Instant::now();
     let on = WeightsOn::Volume { vertices: VERTICES };
-    let settings = HandleWeightsSettings { tier: BiharmonicTier::Interactive, on, partition };
+    let settings =
+        HandleWeightsSettings { tier: BiharmonicTier::Interactive, on, partition, joint_release: FREE_NEAR_JOINTS };
     let held = Held::Shapes { shapes, cage: &[] };
     let made = handle_weights(&mesh, None, held, &settings, &mut |_, _| ControlFlow::Continue(()))
         .map_err(|e| characters::weights_failure(path, &e))?;

@@ -1,19 +1,23 @@
-//! Bounded biharmonic weights on a tetrahedral mesh with given boundary values, beside libigl where it is installed.
+//! Bounded biharmonic weights on a tetrahedral mesh with given boundary values, compared with libigl if it is
+//! installed.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use armature_character::{
+use armature_character::handle_weights::{
     BiharmonicTier, HandleWeights, HandleWeightsSettings, Held, Partition, WeightsOn, handle_weights,
 };
-use armature_formats::{Model, NumberTable, read_npy};
-use armature_weights::HandleBoundary;
+use armature_formats::model::Model;
+use armature_formats::tables::{NumberTable, read_npy};
+use armature_weights::handles::{FREE_NEAR_JOINTS, HandleBoundary};
 
-use super::{Measurement, python_peer, shared_file};
+use super::{Measurement, of_peer, python_peer, shared_file};
+use crate::characters;
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
-use crate::{characters, files, inputs};
+use crate::files::{self, inputs};
+use crate::terminal::aside;
 
 pub(super) const NAMES: &[&str] = &[
     "weights/hand-certified",
@@ -28,11 +32,11 @@ const RUNS: usize = 3;
 const PEER: &str = "libigl bbw";
 const PEER_SCRIPT: &str = "libigl_bbw.py";
 const INSTALL: &str = "pip install libigl==2.6.3";
-/// The largest difference to the reference that the certified tier may show.
+/// The largest difference from the reference allowed for the certified tier.
 const DIFFERENCE: f64 = 1e-4;
-/// What "within 2e-3 of certified" means for the interactive one.
+/// The meaning of "within 2e-3 of certified" for the interactive tier.
 const INTERACTIVE: f64 = 2e-3;
-/// The energy of libigl's own weights for the hand, with room for rounding.
+/// The energy of libigl's own weights for the hand, with some allowance for rounding.
 const LIBIGL_ENERGY: f64 = 14_470.638_565_25 * (1.0 + 1e-9);
 
 pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
@@ -43,7 +47,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
         reference("hand-bbw-w.npy"),
     ];
     let [Some(mesh), Some(fixed), Some(given), Some(expected)] = files else {
-        eprintln!("{}: skipped, the model is not here", NAMES[0]);
+        aside!("{}: skipped, the model is not here", NAMES[0]);
         return Ok(Vec::new());
     };
     let model = inputs::model(&mesh)?;
@@ -56,20 +60,16 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let (interactive_seconds, interactive) = timed(&model, &boundary, BiharmonicTier::Interactive, &mesh)?;
     let peer = match &args.igl_python {
         None => None,
-        Some(python) => {
-            let told = python_peer(python, PEER_SCRIPT, &[&mesh, &fixed, &given], INSTALL)?;
-            told["seconds"].as_f64().zip(told["energy"].as_f64())
-        }
+        Some(python) => Some(python_peer(python, PEER_SCRIPT, &[&mesh, &fixed, &given], INSTALL)?),
     };
-    let of_peer = |value: fn((f64, f64)) -> f64| peer.map(|told| (PEER.to_owned(), value(told)));
-    let seconds =
-        |name, seconds| Measurement { peer: of_peer(|told| told.0), ..Measurement::new(name, seconds, "s", RUNS) };
+    let peers = |key| peer.as_ref().and_then(|measured| of_peer(measured, key, PEER));
+    let seconds = |name, seconds| Measurement { peer: peers("seconds"), ..Measurement::new(name, seconds, "s", RUNS) };
     let energy = Measurement::new(NAMES[2], certified.energy(), "", 1).at_most(LIBIGL_ENERGY, "not above libigl's");
     Ok(vec![
         seconds(NAMES[0], certified_seconds),
         Measurement::new(NAMES[1], largest_difference(&certified, &expected), "", 1)
             .at_most(DIFFERENCE, "at most 1e-4"),
-        Measurement { peer: of_peer(|told| told.1), ..energy },
+        Measurement { peer: peers("energy"), ..energy },
         seconds(NAMES[3], interactive_seconds),
         Measurement::new(NAMES[4], largest_difference(&interactive, &expected), "", 1)
             .at_most(INTERACTIVE, "at most 2e-3"),
@@ -77,7 +77,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     ])
 }
 
-/// A reference result, beside the models.
+/// A reference result, next to the models.
 fn reference(name: &str) -> Option<PathBuf> {
     shared_file("hand.mesh").map(|mesh| mesh.with_file_name("../reference").join(name)).filter(|file| file.exists())
 }
@@ -93,7 +93,12 @@ fn timed(
     tier: BiharmonicTier,
     path: &Path,
 ) -> Result<(f64, HandleWeights), Failure> {
-    let settings = HandleWeightsSettings { tier, on: WeightsOn::OwnElements, partition: Partition::Left };
+    let settings = HandleWeightsSettings {
+        tier,
+        on: WeightsOn::OwnElements,
+        partition: Partition::Left,
+        joint_release: FREE_NEAR_JOINTS,
+    };
     let mut fastest: Option<(f64, HandleWeights)> = None;
     for _ in 0..RUNS {
         let start = Instant::now();

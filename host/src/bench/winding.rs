@@ -1,14 +1,16 @@
-//! Generalized winding numbers on a real model, beside libigl where it is installed.
+//! Generalized winding numbers on a real model, compared with libigl if it is installed.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 
-use armature_geometry::{FastWindingNumber, MeshError, TriangleMesh, WindingNumberHierarchy};
+use armature_geometry::winding::{FastWindingNumber, WindingNumberHierarchy};
+use armature_geometry::{MeshError, TriangleMesh};
 
-use super::{Measurement, median, python_peer, shared_file, time_runs};
+use super::{Measurement, median, of_peer, python_peer, shared_file, time_runs};
 use crate::cli::args::BenchArgs;
 use crate::failure::Failure;
-use crate::inputs;
+use crate::files::inputs;
+use crate::terminal::aside;
 
 pub(super) const NAMES: &[&str] =
     &["winding/exact-armadillo", "winding/fast-armadillo", "winding/exact-truck", "winding/fast-truck"];
@@ -22,7 +24,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     for (file, names) in [("armadillo.obj", [NAMES[0], NAMES[1]]), ("truck.obj", [NAMES[2], NAMES[3]])] {
         match shared_file(file) {
             Some(path) => measurements.extend(measure(names, &path, args.igl_python.as_deref())?),
-            None => eprintln!("{}: skipped, the model is not here", names[0]),
+            None => aside!("{}: skipped, the model is not here", names[0]),
         }
     }
     Ok(measurements)
@@ -43,13 +45,13 @@ fn measure(names: [&'static str; 2], path: &PathBuf, python: Option<&Path>) -> R
         for (measurement, (key, name)) in
             measurements.iter_mut().zip([("exact", "libigl winding_number"), ("fast", "libigl fast_winding_number")])
         {
-            measurement.peer = peer[key].as_f64().map(|value| (name.to_string(), value));
+            measurement.peer = of_peer(&peer, key, name);
         }
     }
     Ok(measurements)
 }
 
-/// Point by point: on one core, as the peer.
+/// Point by point, on one core like the other program.
 fn micros_a_point(points: &[[f64; 3]], evaluate: impl Fn([f64; 3]) -> f64) -> f64 {
     let seconds = time_runs(RUNS, || {
         black_box(points.iter().map(|&point| evaluate(point)).sum::<f64>());

@@ -1,36 +1,42 @@
-//! What each subcommand can be told.
+//! The options of each subcommand.
 
 use std::path::PathBuf;
 
 use armature_sim::serve;
 use clap::{Args, ValueEnum};
 
-use crate::engine::completion::IkArgs;
-use crate::engine::simulated::SimulatedArgs;
-use crate::slice::Axis;
+use super::names::{arm_help, character_help, device_help, puppet_help, vertices_help};
+use crate::characters::inverse_kinematics::IkArgs;
+use crate::engine::sources::simulated::SimulatedArgs;
+use crate::files::Overwrite;
+use crate::pictures::slice::Axis;
 
 /// `armature demo`
 #[derive(Debug, Args)]
 pub struct DemoArgs {
-    /// Folder for the take, the exports and the picture
-    #[arg(short, long, default_value = "armature-demo")]
-    pub output: PathBuf,
+    /// Folder for the take, the exports and the picture; without it armature-demo, or the first of armature-demo-2 and
+    /// so on that is not there yet
+    #[arg(short, long)]
+    pub output: Option<PathBuf>,
+    /// Files that are already there.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// How long the puppet performs
     #[arg(long, default_value_t = 10.0, value_parser = positive_seconds)]
     pub seconds: f64,
-    /// Samples a second
+    /// Samples per second
     #[arg(long, default_value_t = 200.0, value_parser = sample_rate)]
     pub rate: f64,
     /// Seed of the simulated puppet
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// The simulated puppet: human, human8 (eight joints for all of a human), spider, hand
-    #[arg(long, default_value = "human")]
+    #[arg(long, default_value = "human", help = puppet_help())]
+    #[expect(missing_docs, reason = "its help is put together from the puppets there are")]
     pub puppet: String,
     /// What the puppet does: walk, wave, walk+wave, wiggle, or a BVH file of a human figure
     #[arg(long)]
     pub motion: Option<String>,
-    /// What becomes of bones without a joint.
+    /// Bones without a joint.
     #[command(flatten)]
     pub ik: IkArgs,
 }
@@ -38,28 +44,29 @@ pub struct DemoArgs {
 /// `armature inspect`
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A mesh (obj, ply, stl, off, gltf, glb, mesh), skeleton (tgf), motion (bvh), character (armature) or take
+    /// A mesh (fbx, gltf, glb, vrm, obj, ply, stl, off, mesh), skeleton (tgf), motion (bvh), character (armature) or take
     pub file: PathBuf,
-    /// One JSON object in place of words
+    /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
 }
 
 const VOLUME_HELP: &str = "\
-What is inside is told by the generalized winding number, so that the mesh may be open, cut itself, and have parts that \
-are inside out; a flat mesh is filled with triangles. The file is chosen by its extension: .mesh (Medit), .msh (Gmsh) and \
-.vtu (VTK, ParaView); the last two hold the winding number of every cell.
+The generalized winding number decides what is inside, so the mesh may be open, self-intersecting, or partly inside \
+out. A flat mesh is filled with triangles. The extension chooses the format: .mesh (Medit), .msh (Gmsh) or .vtu (VTK, \
+ParaView); the last two hold the winding number of every cell.
 
   armature volume truck.obj -o truck.vtu --slice truck.png --slice-axis x
   armature volume body.obj --skeleton bones.tgf -o body.mesh            vertices along every bone
   armature volume body.obj --conforming -o body.msh                     every vertex of the mesh is one of the volume";
 
-/// What a volume can be asked to obey.
+/// What else a volume must satisfy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum VolumeRequirement {
-    /// Each facet of the surface has an element, so that thin accessories stay
+    /// An element inside at every facet of the surface that was recovered, so that thin accessories stay; without
+    /// --conforming these are facets of the simplified surface. Not for flat meshes. The report counts exceptions
     Facets,
-    /// The boundary is a manifold: no two parts meet in an edge or a vertex alone
+    /// A manifold boundary: no two parts meet only in an edge or a vertex. Not for flat meshes
     Manifold,
 }
 
@@ -67,107 +74,116 @@ pub enum VolumeRequirement {
 #[derive(Debug, Args)]
 #[command(after_help = VOLUME_HELP)]
 pub struct VolumeArgs {
-    /// The mesh (obj, ply, stl, off, gltf, glb, mesh)
+    /// The mesh (fbx, gltf, glb, vrm, obj, ply, stl, off, mesh)
     pub mesh: PathBuf,
-    /// The skeleton (tgf, bvh, or a gltf/glb with a skin); vertices are put along its bones. A rigged glTF brings its own
+    /// The skeleton (tgf, bvh, fbx, or a gltf/glb with a skin); the volume gets vertices along its bones. A rigged glTF uses
+    /// its own unless this is given
     #[arg(short, long)]
     pub skeleton: Option<PathBuf>,
-    /// Point handles: every node of a TGF file becomes a vertex
+    /// Point handles: every node of this TGF file becomes a vertex of the volume
     #[arg(long, value_name = "TGF")]
     pub points: Option<PathBuf>,
     /// Where to write the volume: a .mesh, .msh or .vtu file
     #[arg(short, long, default_value = "volume.mesh")]
     pub output: PathBuf,
-    /// Keep every vertex of the mesh and as many of its facets as can be had; slower and larger than a coarser volume
-    /// around it, which is the default
+    /// Keep every vertex of the mesh and as many of its facets as possible. Slower and larger than the default, a coarser
+    /// volume around the mesh
     #[arg(long, conflicts_with = "vertices")]
     pub conforming: bool,
-    /// About how many vertices a coarser volume has (10000 unless told otherwise)
-    #[arg(long, value_parser = volume_vertices)]
+    #[arg(long, value_parser = volume_vertices, help = vertices_help())]
+    #[expect(missing_docs, reason = "its help takes the number from the default")]
     pub vertices: Option<usize>,
-    /// What the volume has to obey besides, one or both with a comma between
+    /// What else the volume must satisfy; separate several with commas
     #[arg(long, value_enum, value_delimiter = ',')]
     pub require: Vec<VolumeRequirement>,
     /// Write a picture of a slice through the volume, coloured by winding number
     #[arg(long, value_name = "PNG")]
     pub slice: Option<PathBuf>,
-    /// The axis that the slice stands across; without it, the one along which the mesh is shortest
+    /// Files that are already there.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
+    /// The axis that the slice is perpendicular to; without it, the one along which the mesh is shortest
     #[arg(long, value_enum, requires = "slice")]
     pub slice_axis: Option<Axis>,
     /// Where along the axis: 0 at the low end of the mesh, 1 at the high end
     #[arg(long, default_value_t = 0.5, value_parser = share)]
     pub slice_at: f64,
-    /// One JSON object in place of words
+    /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
 }
 
 /// `armature run`
 #[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
 pub struct RunArgs {
-    /// The puppet: sim:human, sim:human8, sim:spider, sim:hand, sim:FILE.bvh, serial:PATH[@BAUD],
-    /// usb:VID:PID[,SERIAL], hid:VID:PID[,SERIAL], tcp:HOST:PORT, or an arm of servos: feetech:PATH[@BAUD],
-    /// dynamixel:PATH[@BAUD]
-    #[arg(short, long, default_value = "sim:human")]
+    #[arg(short, long, default_value = "sim:human", help = device_help())]
+    #[expect(missing_docs, reason = "its help is put together from the puppets there are")]
     pub device: String,
-    /// Which arm of servos: so101-leader, koch-leader, gello, gello-franka
-    #[arg(long, value_name = "ARM")]
+    #[arg(long, value_name = "ARM", help = arm_help())]
+    #[expect(missing_docs, reason = "its help is put together from the arms there are")]
     pub preset: Option<String>,
-    /// Set the servos' return delay to 0; this is written to their memory once and stays
+    /// Set the servos' return delay to 0. This is written to their memory and stays
     #[arg(long)]
     pub servo_return_delay_zero: bool,
-    /// The character: human, spider, hand, a .armature file, or a mesh or motion file that brings a skeleton; without
-    /// it, the one like the simulated puppet, else human
-    #[arg(short, long)]
+    #[arg(short, long, help = character_help())]
+    #[expect(missing_docs, reason = "its help is put together from the characters there are")]
     pub character: Option<String>,
-    /// How long to run; without it, until Ctrl-C
+    /// How long to run, counted from the first pose; without it, until Ctrl-C. A puppet that has not given one 12 s after
+    /// its line was opened, and a lost line that is not back after 30 s, end the run
     #[arg(short, long, value_parser = positive_seconds)]
     pub seconds: Option<f64>,
     /// Record the performance into this take
     #[arg(short, long, value_name = "TAKE")]
     pub record: Option<PathBuf>,
-    /// Samples a second to ask the puppet for
+    /// Samples per second to ask the puppet for
     #[arg(long, default_value_t = 200.0, value_parser = sample_rate)]
     pub rate: f64,
-    /// Which joint drives which bone (TOML); without it the program proposes from the shape of the two trees
+    /// Which joint drives which bone (TOML); without it, proposed from the shapes of puppet and skeleton
     #[arg(long, value_name = "TOML")]
     pub mapping: Option<PathBuf>,
-    /// Save the mapping in use, to be corrected by hand
+    /// Save the mapping in use, so that you can correct it
     #[arg(long, value_name = "TOML")]
     pub save_mapping: Option<PathBuf>,
+    /// Files that are already there.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Calibration file to use and update; without it, the one kept for this user (never for a simulated puppet)
     #[arg(long, value_name = "TOML")]
     pub calibration: Option<PathBuf>,
-    /// Take the pose at the beginning as the rest pose even if the joints are calibrated
+    /// Use the pose at the start as the rest pose even if the joints are calibrated
     #[arg(long)]
     pub zero: bool,
-    /// What is done to the readings of joints that have no filter of their own in the calibration file: none, hold:MS
-    /// or one-euro:HERTZ,BETA (the cutoff at rest, and how it grows with the speed); the lag it adds is told
+    /// Filter for joints without their own in the calibration file: none, hold:MS, or one-euro:HERTZ,BETA (cutoff at
+    /// rest, and how it grows with speed). Its lag is reported
     #[arg(long)]
     pub filter: Option<armature_rig::Filter>,
-    /// What becomes of bones without a joint.
+    /// Save --filter in the calibration file; without this, it is for this run only
+    #[arg(long, requires = "filter")]
+    pub save_filter: bool,
+    /// Bones without a joint.
     #[command(flatten)]
     pub ik: IkArgs,
-    /// What a simulated puppet does.
+    /// The simulated puppet.
     #[command(flatten)]
     pub simulated: SimulatedArgs,
-    /// Run a simulated puppet on a clock of its own, as fast as the machine can and the same every time
+    /// Run a simulated puppet on a virtual clock: as fast as the machine can, and the same every time
     #[arg(long)]
     pub virtual_clock: bool,
 }
 
 const CALIBRATE_HELP: &str = "\
-Steps, in the order in which they make sense; each counts down first, and nothing is changed before it is over:
+The steps, in their usual order. Each starts with a countdown, and nothing changes before it is finished:
   zero       the rest pose
-  sweep      range, direction and wrap-around of every sensor that is moved from stop to stop
-  mounting   how each part is turned against what is meant, from a bend and a twist
+  sweep      range, direction and wrap-around of every sensor that you move from stop to stop
+  mounting   how each part is turned compared with how it should sit, from a bend and a twist
   heading    which way the puppet faces
 
   armature calibrate --device serial:/dev/ttyACM0 --step zero,sweep
   armature calibrate --device sim:human --step zero,sweep -o sim.toml
 
-The calibration is kept by the parts' own numbers, so it stays true wherever a part is plugged in. The file can be read
-and edited; the former one stays beside it as .bak.";
+The calibration belongs to the parts' own numbers, so it stays valid wherever a part is plugged in. The file is plain
+text that you can edit; the previous one is kept as .bak.";
 
 /// `armature calibrate`
 #[derive(Debug, Args)]
@@ -176,16 +192,16 @@ pub struct CalibrateArgs {
     /// The puppet, as for `armature run`
     #[arg(short, long, default_value = "sim:human")]
     pub device: String,
-    /// Which arm of servos: so101-leader, koch-leader, gello, gello-franka
-    #[arg(long, value_name = "ARM")]
+    #[arg(long, value_name = "ARM", help = arm_help())]
+    #[expect(missing_docs, reason = "its help is put together from the arms there are")]
     pub preset: Option<String>,
-    /// What to calibrate: zero, sweep, mounting, heading; several with commas between. Without it, zero
+    /// What to calibrate: zero, sweep, mounting, heading; separate several with commas. Without it, zero
     #[arg(long, value_delimiter = ',')]
     pub step: Vec<armature_rig::CalibrationStep>,
     /// Seconds to get ready before each measurement
     #[arg(long, default_value_t = 3.0, value_parser = seconds)]
     pub countdown: f64,
-    /// Seconds for which a pose is held
+    /// Seconds to hold each pose
     #[arg(long, default_value_t = 0.5, value_parser = positive_seconds)]
     pub hold: f64,
     /// Seconds of the sweep
@@ -194,65 +210,32 @@ pub struct CalibrateArgs {
     /// Calibration file to use and update; without it, the one kept for this user
     #[arg(short, long, value_name = "TOML")]
     pub output: Option<PathBuf>,
-    /// Which joint drives which bone (TOML); without it the program proposes
+    /// Which joint drives which bone (TOML); without it, proposed from the shapes of puppet and skeleton
     #[arg(long, value_name = "TOML")]
     pub mapping: Option<PathBuf>,
     /// The character whose bones are driven
     #[arg(short, long)]
     pub character: Option<String>,
-    /// What a simulated puppet does.
+    /// The simulated puppet.
     #[command(flatten)]
     pub simulated: SimulatedArgs,
-    /// Calibrate a simulated puppet on a clock of its own, as fast as the machine can
+    /// Calibrate a simulated puppet on a virtual clock, as fast as the machine can
     #[arg(long)]
     pub virtual_clock: bool,
-}
-
-/// `armature replay`
-#[derive(Debug, Args)]
-pub struct ReplayArgs {
-    /// The take
-    pub take: PathBuf,
-    /// Write a picture of the character at this second of the take
-    #[arg(long, value_name = "SECONDS", requires = "picture")]
-    pub at: Option<f64>,
-    /// The picture's file
-    #[arg(long, value_name = "PNG")]
-    pub picture: Option<PathBuf>,
-    /// The character, for the picture and for bones that inverse kinematics turned; without it, the one the take was
-    /// recorded with
-    #[arg(short, long)]
-    pub character: Option<String>,
-}
-
-/// `armature export`
-#[derive(Debug, Args)]
-pub struct ExportArgs {
-    /// The take
-    pub take: PathBuf,
-    /// Where to: a .bvh or .glb file
-    #[arg(short, long, value_name = "FILE")]
-    pub to: PathBuf,
-    /// Frames a second of the exported motion; the take's own time stamps are resampled to it
-    #[arg(long, default_value_t = 60.0, value_parser = sample_rate)]
-    pub fps: f64,
-    /// The character whose mesh goes into a GLB; without it, the one the take was recorded with
-    #[arg(short, long)]
-    pub character: Option<String>,
 }
 
 /// `armature bench`
 #[derive(Debug, Args)]
 pub struct BenchArgs {
-    /// Which benchmarks: any part of their names; all without it
+    /// Which benchmarks: any part of their names. Without it, all
     pub what: Option<String>,
-    /// One JSON object a line
+    /// Print one JSON object per line
     #[arg(long)]
     pub json: bool,
-    /// Only list the names
+    /// List the names only
     #[arg(long)]
     pub list: bool,
-    /// Mesh and skeleton to bind in `heat/…` (an OBJ and a TGF)
+    /// Mesh (OBJ) and skeleton (TGF) to bind in `heat/…`
     #[arg(long, num_args = 2, value_names = ["MESH", "SKELETON"])]
     pub model: Option<Vec<PathBuf>>,
     /// Seconds of the stream benchmark
@@ -261,42 +244,45 @@ pub struct BenchArgs {
     /// Seconds of virtual time of `device/soak-…`
     #[arg(long, default_value_t = 600, value_parser = clap::value_parser!(u64).range(10..=86_400))]
     pub soak_seconds: u64,
-    /// How often `device/replug-…` pulls the cable
+    /// How many times `device/replug-…` pulls the cable
     #[arg(long, default_value_t = 100, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=10_000))]
     pub replugs: usize,
-    /// A Python that has Blender's `bpy` module, to run Blender's automatic weights beside ours
+    /// A Python with Blender's `bpy` module, to compare with Blender's automatic weights
     #[arg(long, value_name = "PYTHON", env = "ARMATURE_BPY_PYTHON")]
     pub bpy_python: Option<PathBuf>,
-    /// A Python that has `libigl`, to run its winding numbers beside ours
+    /// A Python with `libigl`, to compare with its winding numbers and weights
     #[arg(long, value_name = "PYTHON", env = "ARMATURE_IGL_PYTHON")]
     pub igl_python: Option<PathBuf>,
-    /// A Python that has `tetgen`, to run it beside our volumes
+    /// A Python with `tetgen`, to compare with its volumes
     #[arg(long, value_name = "PYTHON", env = "ARMATURE_TETGEN_PYTHON")]
     pub tetgen_python: Option<PathBuf>,
-    /// Where to draw the times of `volume/growth` against the size
+    /// Where to write the plot of `volume/growth`, `weights/growth`, `weights/convergence` or `surface/convergence`
     #[arg(long, value_name = "SVG")]
     pub plot: Option<PathBuf>,
+    /// Files that are already there.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
 }
 
 /// `armature devices`
 #[derive(Debug, Default, Args)]
 pub struct DevicesArgs {
-    /// Go on looking, and tell what is plugged in and out (Ctrl-C ends)
+    /// Keep watching, and report what is plugged in and out (Ctrl-C ends)
     #[arg(long)]
     pub watch: bool,
-    /// Watch for so long
-    #[arg(long, value_name = "SECONDS", requires = "watch")]
+    /// Stop watching after this time
+    #[arg(long, value_name = "SECONDS", requires = "watch", value_parser = seconds)]
     pub seconds: Option<f64>,
-    /// Tell in words what the bytes of a capture (raw, or as hexadecimal digits; - is standard input) or of a device
-    /// mean, and precisely what is wrong with each frame that is malformed
+    /// Explain the bytes of a capture (raw, or as hexadecimal digits; - is standard input) or of a device, and what is
+    /// wrong with each malformed frame
     #[arg(long, value_name = "FILE|ADDRESS", conflicts_with = "watch")]
     pub decode: Option<String>,
-    /// Print the rules that let Linux users open puppets and servo adapters without being in a group:
+    /// Print the udev rules that let any Linux user open puppets and servo adapters:
     /// `armature devices --udev-rules | sudo tee /etc/udev/rules.d/70-armature.rules`, then
     /// `sudo udevadm control --reload`, and plug the device in again
     #[arg(long, conflicts_with_all = ["watch", "decode"])]
     pub udev_rules: bool,
-    /// For how long to listen to a device that is decoded
+    /// How long to listen to the device that is decoded, from its first byte on
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, value_parser = positive_seconds)]
     pub listen: f64,
 }
@@ -304,13 +290,13 @@ pub struct DevicesArgs {
 /// `armature sim`
 #[derive(Debug, Args)]
 pub struct SimArgs {
-    /// The puppet and what goes wrong.
+    /// The puppet and its faults.
     #[command(flatten)]
     pub options: serve::Options,
-    /// Serve on this TCP address in place of a pseudo-terminal; port 0 picks a free one
+    /// Serve on this TCP address instead of a pseudo-terminal; port 0 picks a free one
     #[arg(long, value_name = "HOST:PORT")]
     pub tcp: Option<String>,
-    /// Stop when standard input ends, as it does when the program that started this one is gone
+    /// Stop when standard input ends, as it does when the program that started this one has ended
     #[arg(long)]
     pub until_input_ends: bool,
 }
@@ -318,10 +304,10 @@ pub struct SimArgs {
 /// `armature window`
 #[derive(Debug, Default, Args)]
 pub struct WindowArgs {
-    /// Connect to this puppet at once
+    /// Connect to this puppet at start
     #[arg(short, long)]
     pub device: Option<String>,
-    /// Load this character; without it, the one like the simulated puppet, else human
+    /// Load this character; without it, the one that matches the simulated puppet, else human
     #[arg(short, long)]
     pub character: Option<String>,
 }

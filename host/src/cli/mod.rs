@@ -1,21 +1,23 @@
-//! The command line: what can be asked, in words that teach.
+//! The command line: subcommands, options and their help.
 
 pub mod args;
+pub mod edit_args;
+pub mod names;
+pub mod puppet_args;
+pub mod surface_args;
+pub mod take_args;
 pub mod weight_args;
 
-use std::io::IsTerminal;
-use std::process::ExitCode;
-
-use clap::{Parser, Subcommand};
+use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::cli::args::{
-    BenchArgs, CalibrateArgs, DemoArgs, DevicesArgs, ExportArgs, InspectArgs, ReplayArgs, RunArgs, SimArgs, VolumeArgs,
-    WindowArgs,
+    BenchArgs, CalibrateArgs, DemoArgs, DevicesArgs, InspectArgs, RunArgs, SimArgs, VolumeArgs, WindowArgs,
 };
+use crate::cli::edit_args::EditArgs;
+use crate::cli::puppet_args::PuppetCommand;
+use crate::cli::surface_args::SurfaceCommand;
+use crate::cli::take_args::{ExportArgs, ReplayArgs};
 use crate::cli::weight_args::{BindArgs, WeightsArgs};
-use crate::commands;
-use crate::failure::Failure;
-use crate::talk::Talk;
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 done · 2 wrong usage · 3 bad input · 4 device trouble · 5 a method did not converge
@@ -24,107 +26,78 @@ Try it without any hardware:
   armature demo                                    a simulated human moves a character for ten seconds
   armature run --device sim:spider --character spider --seconds 5 --record spider.take
   armature export spider.take --to spider.glb      open it in Blender, Maya or Unreal
-  armature                                         the window";
+  armature                                         the window (if it was built with it)";
 
 /// Armature: hold a character in your hands.
 ///
-/// Joints that you snap together into any tree drive the bones of a character; what you perform is recorded and
-/// opens in Blender, Maya or Unreal. A simulated puppet stands in where there is no hardware. Without a
-/// subcommand a window opens.
+/// Snap joints together into any tree, and a character's bones follow them. Record your performance and open it in
+/// Blender, Maya or Unreal. Without hardware, use a simulated puppet. Without a subcommand, the window opens, if the
+/// program was built with it.
 #[derive(Debug, Parser)]
 #[command(name = "armature", version, after_help = AFTER_HELP, max_term_width = 110)]
 pub struct Cli {
+    /// What to do; without a subcommand the window opens.
     #[command(subcommand)]
-    command: Option<Command>,
+    pub command: Option<Command>,
 
-    /// Say more while working (repeat for still more)
+    /// Report more while working (repeat for more detail)
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    verbose: u8,
+    pub verbose: u8,
 
     /// Show no progress bars and no summaries, only results and errors
     #[arg(short, long, global = true)]
-    quiet: bool,
+    pub quiet: bool,
 }
 
+impl Cli {
+    /// Reads the command line. A negative number counts as a value, so that its option can say what is wrong with it.
+    pub fn read() -> Result<Self, clap::Error> {
+        let takes_negative = |arg: Arg| {
+            let is_option = arg.get_long().is_some() && arg.get_action().takes_values();
+            if is_option { arg.allow_negative_numbers(true) } else { arg }
+        };
+        let mut command = Self::command().mut_subcommands(|command| command.mut_args(takes_negative));
+        let mut matches = command.try_get_matches_from_mut(std::env::args_os())?;
+        Self::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut command))
+    }
+}
+
+/// The subcommands; `commands` implements them.
 #[derive(Debug, Subcommand)]
-enum Command {
-    /// The whole way once: a simulated human on a real serial line moves a character, and the take is exported
+pub enum Command {
+    /// See it work: a simulated human on a real serial line moves a character, and the take is exported
     Demo(DemoArgs),
-    /// List the puppets and serial ports that are plugged in, watch them come and go, or tell what one of them says
+    /// List puppets and serial ports, watch them come and go, or explain what one of them sends
     Devices(DevicesArgs),
+    /// List a puppet's parts, or label a new one
+    #[command(subcommand)]
+    Puppet(PuppetCommand),
     /// Diagnose a mesh, skeleton, motion, character or take file
     Inspect(InspectArgs),
     /// Bind a mesh to a skeleton: compute its skinning weights and save the character
     Bind(BindArgs),
     /// Compute the weights of handles for every vertex of a mesh, for other tools
     Weights(WeightsArgs),
-    /// Fill a mesh with tetrahedra, however messy it is, and write them for other tools
+    /// Fill any mesh with tetrahedra, for other tools
     Volume(VolumeArgs),
-    /// Drive a character with a puppet, and record
+    /// Close holes smoothly, join parts of a mesh, or drag places of a surface
+    #[command(subcommand)]
+    Surface(SurfaceCommand),
+    /// Drive a character with a puppet, and record takes
     Run(Box<RunArgs>),
     /// Calibrate a puppet step by step: zero, sweep, mounting, heading
     Calibrate(Box<CalibrateArgs>),
     /// Solve a take again from its raw samples and compare with the poses it holds
     Replay(ReplayArgs),
-    /// Write a take as BVH or as an animated GLB
+    /// Edit takes without changing them: trim, overdub, smooth, loop and more, by a text file beside them
+    Edit(EditArgs),
+    /// Write a take, or a take after its edits, as BVH or as an animated GLB
     Export(ExportArgs),
-    /// Measure: the benchmarks by name
+    /// Run benchmarks
     Bench(BenchArgs),
     /// Serve a simulated puppet on a pseudo-terminal or a TCP port (what `--device sim:…` does in a second process)
     Sim(Box<SimArgs>),
     /// Open the window (the same as no subcommand)
+    #[cfg_attr(not(feature = "window"), command(hide = true))]
     Window(WindowArgs),
-}
-
-/// Parses the command line and does what it says.
-pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => {
-            let code = if error.use_stderr() { 2 } else { 0 };
-            return if error.print().is_ok() { ExitCode::from(code) } else { ExitCode::from(2) };
-        }
-    };
-    init_logging(cli.verbose);
-    let talk = Talk { quiet: cli.quiet };
-    match dispatch(cli.command, talk) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("error: {failure}");
-            failure.exit_code()
-        }
-    }
-}
-
-fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
-    match command.unwrap_or_else(|| Command::Window(WindowArgs::default())) {
-        Command::Demo(args) => commands::demo(&args, talk),
-        Command::Devices(args) => commands::devices(&args),
-        Command::Inspect(args) => commands::inspect(&args),
-        Command::Bind(args) => commands::bind(&args, talk),
-        Command::Weights(args) => commands::weights(&args, talk),
-        Command::Volume(args) => commands::volume(&args, talk),
-        Command::Run(args) => commands::run(&args, talk),
-        Command::Calibrate(args) => commands::calibrate(&args, talk),
-        Command::Replay(args) => commands::replay(&args, talk),
-        Command::Export(args) => commands::export(&args, talk),
-        Command::Bench(args) => commands::bench(&args),
-        Command::Sim(args) => commands::sim(&args),
-        Command::Window(args) => commands::window(&args),
-    }
-}
-
-fn init_logging(verbose: u8) {
-    let default = ["warn", "info", "debug", "trace"][usize::from(verbose.min(3))];
-    let filter = tracing_subscriber::EnvFilter::try_from_env("ARMATURE_LOG").unwrap_or_else(|_| {
-        tracing_subscriber::EnvFilter::new(format!("{default},wgpu_core=warn,wgpu_hal=error,naga=warn,winit=error"))
-    });
-    let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(verbose > 1)
-        .without_time();
-    // A second subscriber in one process (tests) keeps the first.
-    let _ = subscriber.try_init();
 }

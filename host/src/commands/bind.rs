@@ -2,47 +2,66 @@
 
 use std::path::Path;
 
-use armature_character::{
-    BiharmonicRecord, BiharmonicTier, BindSettings, Character, DomainKind, Provenance, WeightsRecord,
-};
+use armature_character::bind::{BindMethod, BindSettings};
+use armature_character::handle_weights::{BiharmonicTier, DomainKind, WeightsOn};
+use armature_character::{BiharmonicRecord, Character, Provenance, WeightsRecord};
 use armature_weights::WeightMatrix;
 
-use crate::cli::weight_args::BindArgs;
-use crate::engine::actor::Actor;
+use super::weights::problem_words;
+use crate::characters::LoadedCharacter;
+use crate::cli::weight_args::{BindArgs, Method};
 use crate::failure::Failure;
-use crate::talk::{Bar, Talk};
-use crate::weight_picture::{WeightPicture, handle_of, write_weight_picture};
-use crate::words::{counted, grouped};
-use crate::{characters, files, inputs, pictures};
+use crate::files::inputs;
+use crate::pictures::weights::{WeightPicture, handle_of, write_weight_picture};
+use crate::terminal::{Bar, Talk, aside, counted, grouped, out};
+use crate::{characters, pictures};
 
 /// Binds a mesh to a skeleton and saves the character.
 pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
+    if args.method == Method::Heat {
+        args.release.refuse_for_heat()?;
+    }
+    args.overwrite.check(&args.output)?;
+    args.picture.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
     let start = std::time::Instant::now();
     let bar = Bar::new(talk, "reading the mesh").until_interrupted();
-    let model = inputs::model(&args.mesh)?;
+    let mut model = inputs::model(&args.mesh)?;
+    let mut filled = Vec::new();
+    if args.fill_holes {
+        if model.rig.is_some() && !args.replace_rig {
+            return Err(Failure::usage(
+                format!("{} keeps its own weights, and new surface would have none", args.mesh.display()),
+                "add --replace-rig, or leave out --fill-holes",
+            ));
+        }
+        (model, filled) = characters::filled::fill_before_binding(&model, &args.mesh, &mut bar.stages())?;
+    }
     let settings = BindSettings {
         replace_rig: args.replace_rig,
         max_influences: args.influences.unwrap_or(args.method.influences()),
         method: args.method.for_bind(),
         on: args.domain.volume_or_asked(),
+        joint_release: args.release.share(),
         ..BindSettings::default()
     };
     let skeleton = args.skeleton.as_deref();
-    let bound = characters::bind_cached(model, &args.mesh, skeleton, &settings, !args.no_cache, &mut bar.binding())?;
+    let added: &[u8] = if args.fill_holes { b"holes filled, version 1" } else { b"" };
+    let bound =
+        characters::bind_cached(model, added, &args.mesh, skeleton, &settings, !args.no_cache, &mut bar.stages())?;
     bar.finish();
     let character = bound.character;
-    files::write(&args.output, &armature_character::to_bytes(&character))?;
+    args.overwrite.write(&args.output, &armature_character::cache::to_bytes(&character))?;
     if !talk.quiet {
-        for warning in &character.warnings {
-            eprintln!("note: {warning}");
+        for warning in filled.iter().chain(&character.warnings) {
+            aside!("note: {warning}");
         }
         let cache = if bound.from_cache { " (from the cache)" } else { "" };
-        println!(
-            "{}: {} vertices, {} triangles, {} bones; {}; {:.2} s{cache}",
+        out!(
+            "{}: {}, {}, {}; {}; {:.2} s{cache}",
             args.output.display(),
-            character.mesh.vertices.len(),
-            character.mesh.triangles.len(),
-            character.skeleton.len(),
+            counted(character.surface.mesh.vertices.len(), "vertex", "vertices"),
+            counted(character.surface.mesh.triangles.len(), "triangle", "triangles"),
+            counted(character.skeleton.len(), "bone", "bones"),
             how_made(&character.provenance),
             start.elapsed().as_secs_f64(),
         );
@@ -53,7 +72,20 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
     }
 }
 
-/// How weights came about, in words.
+/// What binding with these settings computes, in words.
+pub(super) fn planned_words(settings: &BindSettings) -> String {
+    let method = match settings.method {
+        BindMethod::Biharmonic(_) => "bounded biharmonic weights",
+        BindMethod::BoneHeat => return "bone heat weights on the surface".into(),
+    };
+    match settings.on {
+        WeightsOn::Volume { vertices } => format!("{method} on a volume of about {} vertices", grouped(vertices)),
+        WeightsOn::OwnElements => format!("{method} on the mesh's own elements"),
+        WeightsOn::Surface => format!("{method} on the surface"),
+    }
+}
+
+/// How weights were made, in words.
 pub(super) fn how_made(provenance: &Provenance) -> String {
     match provenance.record() {
         None => "weights of the artist".to_owned(),
@@ -81,9 +113,10 @@ fn biharmonic_words(record: &BiharmonicRecord) -> String {
         bones => format!(", NOT CONVERGED for {}", counted(bones, "bone", "bones")),
     };
     format!(
-        "{tier}bounded biharmonic weights on {domain} of {} vertices, within {:.1e} of the optimal ones{missed}, \
-         at most {:.3} of a weight dropped ({:.4} in the mean)",
+        "{tier}bounded biharmonic weights on {domain} of {} vertices ({}), within {:.1e} of the optimal ones of this \
+         problem{missed}, at most {:.3} of a weight dropped ({:.4} in the mean)",
         grouped(record.domain_vertices),
+        problem_words(Some(record.joint_release), record.flat_elements),
         record.error_bound,
         record.max_dropped,
         record.mean_dropped
@@ -95,28 +128,32 @@ fn draw(path: &Path, args: &BindArgs, character: Character, talk: Talk) -> Resul
         let names: Vec<String> = character.skeleton.bones().iter().map(|bone| bone.name.clone()).collect();
         let of = handle_of(name, &names)?;
         let weights = dense(&character)?;
-        write_weight_picture(path, &WeightPicture { mesh: &character.mesh, weights: &weights, names: &names, of })?
+        write_weight_picture(
+            args.overwrite,
+            path,
+            &WeightPicture { mesh: &character.surface.mesh, weights: &weights, names: &names, of },
+        )?
     } else {
-        let (actor, warning) = Actor::of_character(&args.mesh.display().to_string(), character);
-        warning.iter().for_each(|w| eprintln!("note: {w}"));
-        let Some(shape) = &actor.shape else { return Ok(()) };
-        pictures::write_picture(path, &actor, &shape.positions, &shape.normals)?
+        let (character, warnings) = LoadedCharacter::bound(&args.mesh.display().to_string(), character);
+        warnings.iter().for_each(|w| aside!("note: {w}"));
+        let Some(shape) = &character.shape else { return Ok(()) };
+        pictures::write_picture(args.overwrite, path, &character, &shape.positions, shape.normals())?
     };
     if !talk.quiet {
-        println!("{}: {by}", path.display());
+        out!("{}: {by}", path.display());
     }
     Ok(())
 }
 
 /// A character's weights as a matrix, a column for each bone.
 fn dense(character: &Character) -> Result<WeightMatrix, Failure> {
-    let (vertices, bones) = (character.mesh.vertices.len(), character.skeleton.len());
+    let (vertices, bones) = (character.surface.mesh.vertices.len(), character.skeleton.len());
     let mut values = vec![0.0; vertices * bones];
     for vertex in 0..vertices {
-        for (bone, weight) in character.influences.of_vertex(vertex) {
+        for (bone, weight) in character.surface.influences.of_vertex(vertex) {
             values[usize::from(bone) * vertices + vertex] += f64::from(weight);
         }
     }
     WeightMatrix::from_columns(vertices, bones, &values)
-        .ok_or_else(|| Failure::not_converged("the weights make no matrix", "this is a defect; please report it"))
+        .ok_or_else(|| Failure::not_converged("the weights form no matrix", "this is a defect; please report it"))
 }

@@ -1,25 +1,33 @@
-//! `armature demo`: the whole way once.
+//! `armature demo`: everything once.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use armature_rig::{Calibration, Pose, PoseCompletion};
-use armature_take::{ExportSettings, Header, ResampleSettings, Take, Timeline, verify_completed};
+use armature_rig::{Pose, PoseCompletion};
+use armature_take::{FrameRate, Header, Take, Timeline, verify_completed};
 
 use glam::Affine3A;
 
+use super::run::show_progress;
+use crate::characters::LoadedCharacter;
 use crate::cli::args::DemoArgs;
-use crate::engine::actor::Actor;
-use crate::engine::live::Live;
-use crate::engine::perform::{self, Plan, Summary};
-use crate::engine::performance::{Performance, ZeroPolicy};
-use crate::engine::simulated::SimulatedArgs;
-use crate::exports::{self, Target};
+use crate::engine::command::RunPlan;
+use crate::engine::drive::drive_run;
+use crate::engine::event::EngineEvent;
+use crate::engine::inbox::Inbox;
+use crate::engine::machine::{Engine, EngineSettings};
+use crate::engine::puppeteer::ZeroPolicy;
+use crate::engine::run_summary::RunSummary;
+use crate::engine::sources::simulated::SimulatedArgs;
+use crate::engine::sources::{LiveSettings, LiveSource};
+use crate::engine::take_recorder::take_header;
 use crate::failure::Failure;
-use crate::talk::{Bar, Talk};
-use crate::{characters, files, pictures, settings, takes};
+use crate::files::Overwrite;
+use crate::takes::exports::{self, Options, Target};
+use crate::terminal::{Bar, Talk, out};
+use crate::{characters, pictures, settings, takes};
 
-const FRAMES_PER_SECOND: f64 = 60.0;
+const FRAMES_PER_SECOND: u32 = 60;
 
 /// The files of a demo.
 struct Outputs {
@@ -27,99 +35,123 @@ struct Outputs {
     glb: PathBuf,
     bvh: PathBuf,
     picture: PathBuf,
+    overwrite: Overwrite,
 }
 
 impl Outputs {
-    fn in_folder(folder: &Path) -> Self {
+    /// Makes the folder: the first free one of its kind, unless one was named.
+    fn prepare(named: Option<&Path>, overwrite: Overwrite) -> Result<Self, Failure> {
+        let numbered =
+            |n: u32| if n < 2 { "armature-demo".into() } else { PathBuf::from(format!("armature-demo-{n}")) };
+        let free = || (1..u32::MAX).map(numbered).find(|folder| !folder.exists());
+        let folder = named.map(Path::to_path_buf).or_else(free).unwrap_or_else(|| numbered(1));
+        // Only the last folder of the path: the others are more likely misspelt than wanted.
+        let made = if folder.is_dir() { Ok(()) } else { std::fs::create_dir(&folder) };
+        made.map_err(|e| {
+            let what = format!("the folder {} cannot be made: {e}", folder.display());
+            Failure::input(what, "choose another --output folder")
+        })?;
         let file = |name: &str| folder.join(name);
-        Self { take: file("demo.take"), glb: file("demo.glb"), bvh: file("demo.bvh"), picture: file("demo.png") }
+        let outputs = Self {
+            take: file("demo.take"),
+            glb: file("demo.glb"),
+            bvh: file("demo.bvh"),
+            picture: file("demo.png"),
+            overwrite,
+        };
+        for path in [&outputs.take, &outputs.glb, &outputs.bvh, &outputs.picture] {
+            overwrite.check(path)?;
+        }
+        Ok(outputs)
     }
 }
 
 /// A simulated human in a second process, on a real serial line, moves a character; the take is exported.
 pub fn demo(args: &DemoArgs, talk: Talk) -> Result<(), Failure> {
-    let outputs = Outputs::in_folder(&args.output);
+    let outputs = Outputs::prepare(args.output.as_deref(), args.overwrite)?;
     let say = |line: String| {
         if !talk.quiet {
-            println!("{line}");
+            out!("{line}");
         }
     };
     let device = format!("sim:{}", args.puppet);
-    let actor = make_character(characters::default_for(&device), talk, &say)?;
-    let (live, summary) = {
-        let simulated = SimulatedArgs { seed: args.seed, motion: args.motion.clone(), ..SimulatedArgs::default() };
-        let live = Live::connect(&device, &simulated)?;
-        let process = live.simulated_process().map_or_else(String::new, |id| format!(" in process {id}"));
-        say(format!("puppet     simulated {}{process} at {}", args.puppet, live.address()));
-        let address = live.address().to_string();
-        (address, perform_and_record(args, live, actor.clone(), &outputs.take, talk)?)
-    };
+    let character = make_character(characters::default_for(&device), talk, &say)?;
+    let (line, summary) = perform_and_record(args, &device, character.clone(), &outputs.take, talk)?;
     say(summary.to_string());
     if let Some(trouble) = summary.trouble {
         return Err(trouble);
     }
     let take = takes::read_and_tell(&outputs.take)?;
-    check_replay(&take, &actor, talk, &say)?;
-    write_exports(&take, &actor, &outputs, talk, &say)?;
-    write_picture(&take, &actor, &outputs.picture, &say)?;
-    say(format!("done       a puppet on {live} moved {}; open {} in Blender", actor.name, outputs.glb.display()));
+    check_replay(&take, &character, talk, &say)?;
+    write_exports(&take, &character, &outputs, talk, &say)?;
+    write_picture(&take, &character, &outputs, &say)?;
+    say(format!("done       a puppet on {line} moved {}; open {} in Blender", character.name, outputs.glb.display()));
     Ok(())
 }
 
-fn make_character(name: &str, talk: Talk, say: &dyn Fn(String)) -> Result<Arc<Actor>, Failure> {
+fn make_character(name: &str, talk: Talk, say: &dyn Fn(String)) -> Result<Arc<LoadedCharacter>, Failure> {
     let start = std::time::Instant::now();
     let bar = Bar::new(talk, "shaping the character");
-    let found = characters::find(name, &mut bar.binding())?;
+    let found = characters::find(name, &mut bar.stages())?;
     bar.finish();
-    let triangles = found.actor.shape.as_ref().map_or(0, |s| s.triangles.len());
-    let bones = found.actor.skeleton.len();
+    let triangles = found.character.shape.as_ref().map_or(0, |s| s.triangles().len());
+    let bones = found.character.skeleton.len();
     let seconds = start.elapsed().as_secs_f64();
     say(format!(
         "character  {} of our own: {triangles} triangles, {bones} bones, made in {seconds:.2} s",
-        found.actor.name
+        found.character.name
     ));
-    Ok(Arc::new(found.actor))
+    Ok(Arc::new(found.character))
 }
 
+/// The line that the puppet was on, and how it went.
 fn perform_and_record(
     args: &DemoArgs,
-    mut live: Live,
-    actor: Arc<Actor>,
+    device: &str,
+    character: Arc<LoadedCharacter>,
     take: &Path,
     talk: Talk,
-) -> Result<Summary, Failure> {
-    live.start_when_ready(args.rate);
-    live.catch_interrupt();
-    // The demo's own take of an earlier run.
-    if take.exists() {
-        std::fs::remove_file(take)
-            .map_err(|e| Failure::input(format!("{}: {e}", take.display()), "choose another --output folder"))?;
-    }
-    let plan = Plan {
+) -> Result<(String, RunSummary), Failure> {
+    let plan = RunPlan {
         seconds: Some(args.seconds),
         record: Some(take.to_path_buf()),
+        overwrite: args.overwrite,
         header: Header {
-            program_version: env!("CARGO_PKG_VERSION").into(),
-            character_name: actor.source.clone(),
-            character_hash: actor.content_hash(),
-            nominal_samples_per_second: Some(args.rate),
             seed: Some(args.seed),
             unix_micros: settings::unix_micros(),
-            ..Header::default()
+            ..take_header(&character, args.rate)
         },
     };
-    let performance = Performance::new(actor, None, Calibration::default(), ZeroPolicy::AtStart)?
-        .with_inverse_kinematics(&args.ik)?;
-    let bar = Bar::new(talk, "waiting for the puppet");
-    let (_, summary) = perform::perform(live, performance, &plan, &mut |line, done| bar.show(line, done))?;
-    Ok(summary)
+    let mut engine = Engine::new(EngineSettings {
+        samples_per_second: args.rate,
+        zero_policy: ZeroPolicy::AtStart,
+        ik: args.ik.clone(),
+        draws: false,
+        ..EngineSettings::default()
+    });
+    let simulated = SimulatedArgs { seed: args.seed, motion: args.motion.clone(), ..SimulatedArgs::default() };
+    let live = LiveSettings { simulated, catches_interrupt: true, ..LiveSettings::default() };
+    let mut source = LiveSource::new(Inbox::default(), live)?;
+    let (mut address, mut bar) = (String::new(), None);
+    let summary = drive_run(&mut engine, &mut source, character, device, plan, &mut |event| {
+        if let EngineEvent::LineOpened { line, process } = &event {
+            let process = process.map_or_else(String::new, |id| format!(" in process {id}"));
+            if !talk.quiet {
+                out!("puppet     simulated {}{process} at {line}", args.puppet);
+            }
+            address.clone_from(line);
+            bar = Some(Bar::new(talk, "waiting for the puppet"));
+        }
+        show_progress("", &event, bar.as_ref());
+    })?;
+    Ok((address, summary))
 }
 
-fn check_replay(take: &Take, actor: &Actor, talk: Talk, say: &dyn Fn(String)) -> Result<(), Failure> {
+fn check_replay(take: &Take, character: &LoadedCharacter, talk: Talk, say: &dyn Fn(String)) -> Result<(), Failure> {
     let bar = Bar::new(talk, "solving again");
-    let mut completion = takes::completion(take, actor)?;
+    let mut completion = takes::completion(take, character)?;
     let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
-    let verification = verify_completed(take, completion, &mut bar.fraction("solving again"))
+    let verification = verify_completed(take, completion, &mut bar.stages())
         .map_err(|e| Failure::input(e.to_string(), "this is a defect; please report it"))?;
     bar.finish();
     if !verification.is_exact() {
@@ -135,41 +167,46 @@ fn check_replay(take: &Take, actor: &Actor, talk: Talk, say: &dyn Fn(String)) ->
 
 fn write_exports(
     take: &Take,
-    actor: &Actor,
+    character: &LoadedCharacter,
     outputs: &Outputs,
     talk: Talk,
     say: &dyn Fn(String),
 ) -> Result<(), Failure> {
-    let resample = ResampleSettings { frames_per_second: FRAMES_PER_SECOND, ..ResampleSettings::default() };
-    let settings = ExportSettings { resample, ..ExportSettings::default() };
+    let rate = FrameRate::whole(FRAMES_PER_SECOND).ok_or_else(|| Failure::usage("the demo has no frame rate", ""))?;
+    let options = Options::at(rate);
     for (path, target) in [(&outputs.glb, Target::Glb), (&outputs.bvh, Target::Bvh)] {
         let bar = Bar::new(talk, "exporting");
-        let exported = exports::export(take, Some(actor), target, &settings, &mut bar.fraction("exporting"))?;
+        let exported = exports::export(take, None, Some(character), target, &options, &mut bar.stages())?;
         bar.finish();
-        files::write(path, &exported.bytes)?;
+        outputs.overwrite.write(path, &exported.bytes)?;
         say(format!("export     {}: {exported}", path.display()));
         exported.notes.iter().for_each(|note| say(format!("           note: {note}")));
     }
     Ok(())
 }
 
-/// Draws the longest stride of the take's middle half, where the motion is in full swing.
-fn write_picture(take: &Take, actor: &Actor, path: &Path, say: &dyn Fn(String)) -> Result<(), Failure> {
+/// Draws the longest stride in the middle half of the take, where the motion is in full swing.
+fn write_picture(
+    take: &Take,
+    character: &LoadedCharacter,
+    outputs: &Outputs,
+    say: &dyn Fn(String),
+) -> Result<(), Failure> {
     let no_pose = || Failure::input("the take holds no pose", "run the demo for more seconds");
     let timeline = Timeline::recorded(take).ok_or_else(no_pose)?;
     let middle = timeline.len() / 4..(timeline.len() * 3).div_ceil(4);
     let poses = middle.filter_map(|index| Some(take.unpack(timeline.get(index)?.1)));
-    let pose = poses.max_by(|a, b| stride(actor, a).total_cmp(&stride(actor, b))).ok_or_else(no_pose)?;
-    let (positions, normals) = pictures::skin_once(actor, &pose)?;
-    let by = pictures::write_picture(path, actor, &positions, &normals)?;
-    say(format!("picture    {}: {by}", path.display()));
+    let pose = poses.max_by(|a, b| stride(character, a).total_cmp(&stride(character, b))).ok_or_else(no_pose)?;
+    let (positions, normals) = pictures::skin_once(character, &pose)?;
+    let by = pictures::write_picture(outputs.overwrite, &outputs.picture, character, &positions, &normals)?;
+    say(format!("picture    {}: {by}", outputs.picture.display()));
     Ok(())
 }
 
 /// How far the bones reach from front to back.
-fn stride(actor: &Actor, pose: &Pose) -> f32 {
-    let mut frames = vec![Affine3A::IDENTITY; actor.skeleton.len()];
-    pose.forward_kinematics(&actor.skeleton, &mut frames);
+fn stride(character: &LoadedCharacter, pose: &Pose) -> f32 {
+    let mut frames = vec![Affine3A::IDENTITY; character.skeleton.len()];
+    pose.forward_kinematics(&character.skeleton, &mut frames);
     let reach = frames.iter().map(|f| f.translation.z).fold((f32::MAX, f32::MIN), |(lo, hi), z| (lo.min(z), hi.max(z)));
     reach.1 - reach.0
 }

@@ -1,12 +1,14 @@
 //! `armature export`
 
-use armature_take::{ExportSettings, ResampleSettings};
+use armature_formats::motion::KeyInterpolation;
+use armature_take::{KeySettings, Take, Timecode};
 
-use crate::characters;
-use crate::cli::args::ExportArgs;
-use crate::exports::{self, Target};
+use crate::characters::{self, Found};
+use crate::cli::take_args::ExportArgs;
 use crate::failure::Failure;
-use crate::talk::{Bar, Talk};
+use crate::takes::exports::{self, Options, Target};
+use crate::takes::{edits, receipt};
+use crate::terminal::{Bar, Talk, aside, out};
 use crate::{files, takes};
 
 /// Writes a take as BVH or GLB.
@@ -16,31 +18,72 @@ pub fn export(args: &ExportArgs, talk: Talk) -> Result<(), Failure> {
         "glb" => Target::Glb,
         other => {
             let what = format!("takes are not exported as {other:?}");
-            return Err(Failure::usage(what, "end the name after --to in .bvh or .glb"));
+            return Err(Failure::usage(what, "give --to a name that ends in .bvh or .glb"));
         }
     };
-    let take = takes::read_and_tell(&args.take)?;
-    let resample = ResampleSettings { frames_per_second: args.fps, ..ResampleSettings::default() };
-    let settings = ExportSettings { resample, ..ExportSettings::default() };
+    args.overwrite.check(&args.to)?;
+    args.receipt.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
+    let options = options(args, target)?;
     let bar = Bar::new(talk, "exporting");
-    let source = args.character.clone().unwrap_or_else(|| take.header().character_name.clone());
-    let actor = match target {
+    let (take, edited) = if edits::is_list(&args.take) {
+        let list = edits::read(&args.take)?;
+        let applied = edits::apply(&args.take, &list, args.character.as_deref(), &mut bar.stages())?;
+        (applied.take, Some(applied.edited))
+    } else {
+        (takes::read_and_tell(&args.take)?, None)
+    };
+    let character = match target {
         Target::Bvh => None,
-        Target::Glb => match characters::find(&source, &mut bar.binding()) {
-            Ok(found) => Some(found.actor),
+        Target::Glb => match character_of(&take, args, &bar) {
+            Ok(found) => Some(found.character),
             Err(failure) => {
                 let remedy = "name the character the take was recorded with by --character FILE";
                 return Err(Failure { remedy: remedy.into(), ..failure });
             }
         },
     };
-    let exported = exports::export(&take, actor.as_ref(), target, &settings, &mut bar.fraction("exporting"))
+    let exported = exports::export(&take, edited.as_ref(), character.as_ref(), target, &options, &mut bar.stages())
         .map_err(|f| Failure { what: format!("{}: {}", args.take.display(), f.what), ..f })?;
-    files::write(&args.to, &exported.bytes)?;
+    args.overwrite.write(&args.to, &exported.bytes)?;
     bar.finish();
+    let receipt = armature_take::receipt(&take);
+    if let Some(path) = &args.receipt {
+        let mut json = receipt::to_json(&receipt);
+        json["export"] = exported.to_json();
+        args.overwrite.write(path, format!("{json:#}\n").as_bytes())?;
+    }
     if !talk.quiet {
-        println!("{}: {exported}", args.to.display());
-        exported.notes.iter().for_each(|note| eprintln!("note: {note}"));
+        out!("{}: {exported}", args.to.display());
+        out!("receipt: {receipt}");
+        exported.notes.iter().for_each(|note| aside!("note: {note}"));
     }
     Ok(())
+}
+
+fn options(args: &ExportArgs, target: Target) -> Result<Options, Failure> {
+    let mut options = Options::at(args.fps);
+    options.settings.resample.low_pass = args.low_pass;
+    if let Some(text) = &args.start_timecode {
+        let remedy = "write --start-timecode HH:MM:SS:FF at a rate of film or video, such as --fps 25 or --fps 29.97df";
+        let start = Timecode::parse(text, args.fps).map_err(|error| Failure::usage(error.to_string(), remedy))?;
+        options.start = Some(start);
+    }
+    if let Some(degrees) = args.reduce_keys {
+        if target == Target::Bvh {
+            let what = "BVH has a value for every frame, so its keys cannot be reduced";
+            return Err(Failure::usage(what, "export a .glb, or leave out --reduce-keys"));
+        }
+        let interpolation = if args.splines { KeyInterpolation::Cubic } else { KeyInterpolation::Linear };
+        let rotation = degrees.to_radians();
+        options.settings.keys = Some(KeySettings { interpolation, rotation, feet: args.feet });
+    }
+    Ok(options)
+}
+
+/// The named character, otherwise the one the take was recorded with.
+fn character_of(take: &Take, args: &ExportArgs, bar: &Bar) -> Result<Found, Failure> {
+    match &args.character {
+        Some(source) => characters::find(source, &mut bar.stages()),
+        None => characters::find_for_take(&args.take, &take.header().character_name, &mut bar.stages()),
+    }
 }

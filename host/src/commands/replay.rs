@@ -1,24 +1,40 @@
 //! `armature replay`
 
-use armature_rig::PoseCompletion;
-use armature_take::{Take, Timeline, verify_completed};
+use std::path::Path;
 
-use crate::cli::args::ReplayArgs;
-use crate::engine::actor::Actor;
+use armature_rig::{PoseCompletion, Skeleton};
+use armature_take::{PackedPose, Take, Timeline, Tolerance, compare, solve_again, verify_completed};
+use glam::Vec3A;
+
+use crate::characters::LoadedCharacter;
+use crate::cli::take_args::ReplayArgs;
 use crate::failure::Failure;
-use crate::talk::{Bar, Talk};
+use crate::terminal::{Bar, Talk, out};
 use crate::{characters, pictures, takes};
 
 /// Solves a take again and compares with the recorded poses; draws a moment of it if asked.
 pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
+    args.picture.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
     let take = takes::read_and_tell(&args.take)?;
+    if let Some(at) = args.at {
+        check_moment(&take, args, at)?;
+    }
     let mut completion = match &take.header().inverse_kinematics {
         Some(_) => takes::completion(&take, &character_of(&take, args, talk)?)?,
         None => None,
     };
     let bar = Bar::new(talk, "solving again");
     let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
-    let verification = verify_completed(&take, completion, &mut bar.fraction("solving again"))
+    if let Some(expected) = &args.verify {
+        let (poses, _) = solve_again(&take, completion, &mut bar.stages())
+            .map_err(|e| Failure::input(format!("{}: {e}", args.take.display()), ""))?;
+        bar.finish();
+        if let (Some(path), Some(at)) = (&args.picture, args.at) {
+            draw(&take, args, at, path, talk)?;
+        }
+        return compare_with(&take, &poses, expected, args);
+    }
+    let verification = verify_completed(&take, completion, &mut bar.stages())
         .map_err(|e| Failure::input(format!("{}: {e}", args.take.display()), ""))?;
     bar.finish();
     if let (Some(path), Some(at)) = (&args.picture, args.at) {
@@ -26,7 +42,7 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
     }
     let name = args.take.display();
     if verification.is_exact() {
-        println!("{name}: {} poses solved again, all the same to the last bit", verification.identical);
+        out!("{name}: {} poses solved again, all the same to the last bit", verification.identical);
         return Ok(());
     }
     let what = format!(
@@ -43,31 +59,89 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
     Err(Failure::not_converged(what, remedy))
 }
 
-/// The character that the take was recorded with, or the one named.
-fn character_of(take: &Take, args: &ReplayArgs, talk: Talk) -> Result<Actor, Failure> {
-    let bar = Bar::new(talk, "loading the character");
-    let source = args.character.clone().unwrap_or_else(|| take.header().character_name.clone());
-    let found = characters::find(&source, &mut bar.binding())?;
-    bar.finish();
-    if take.skeleton() != Some(&found.actor.skeleton) {
-        let what = format!("{} was recorded on another skeleton than that of {source:?}", args.take.display());
-        return Err(Failure::usage(
-            what,
-            format!("give --character the one it was recorded with ({:?})", take.header().character_name),
-        ));
+/// Compares what was solved with the poses of another take.
+fn compare_with(take: &Take, poses: &[PackedPose], expected: &Path, args: &ReplayArgs) -> Result<(), Failure> {
+    let (name, other) = (args.take.display(), expected.display());
+    let expected = takes::read_and_tell(expected)?;
+    let angle = args.tolerance.unwrap_or(0.0).to_radians();
+    let tolerance = Tolerance { angle, distance: angle * take.skeleton().map_or(0.0, size) };
+    let compared = compare(take, poses, &expected, tolerance)
+        .map_err(|e| Failure::input(format!("{name} and {other}: {e}"), ""))?;
+    let within = args.tolerance.map_or_else(|| "to the last bit".into(), |degrees| format!("within {degrees}°"));
+    if compared.agrees() {
+        let most = compared.largest_angle.to_degrees();
+        let most =
+            if args.tolerance.is_some() { format!("; the largest angle is {most:.2e}°") } else { String::new() };
+        out!("{name}: {} poses solved again, all as in {other} {within}{most}", compared.equal);
+        return Ok(());
     }
-    Ok(found.actor)
+    let what = format!(
+        "{name}: of the poses in {other} {} came out the same {within}, {} differ, {} are missing, and {} more are not in it",
+        compared.equal, compared.different, compared.missing, compared.unexpected
+    );
+    let remedy = match &compared.first {
+        Some(first) => {
+            let joint = first.joint.as_ref().map_or_else(|| "no joint".into(), |part| format!("joint {part}"));
+            format!(
+                "the first difference is at {:.3} s (sample {}), bone {:?} ({joint}): {:.6}° and a distance of {:.3e}",
+                first.seconds,
+                first.sequence,
+                first.bone,
+                first.angle.to_degrees(),
+                first.distance
+            )
+        }
+        None => "the takes are not of the same samples; record the expected one again from this one".to_string(),
+    };
+    Err(Failure::not_converged(what, remedy))
+}
+
+/// The skeleton's size in its rest pose.
+fn size(skeleton: &Skeleton) -> f64 {
+    let heads = skeleton.rest_model_from_bone().into_iter().map(|frame| frame.translation);
+    let (low, high) =
+        heads.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), head| (low.min(head), high.max(head)));
+    if skeleton.is_empty() { 0.0 } else { f64::from((high - low).length()) }
+}
+
+/// The character that the take was recorded with, or the one named.
+fn character_of(take: &Take, args: &ReplayArgs, talk: Talk) -> Result<LoadedCharacter, Failure> {
+    let bar = Bar::new(talk, "loading the character");
+    let recorded = &take.header().character_name;
+    let found = match &args.character {
+        Some(source) => characters::find(source, &mut bar.stages())?,
+        None => characters::find_for_take(&args.take, recorded, &mut bar.stages())?,
+    };
+    bar.finish();
+    if take.skeleton() != Some(&found.character.skeleton) {
+        let source = &found.character.source;
+        let what = format!("{} was recorded on another skeleton than that of {source:?}", args.take.display());
+        return Err(Failure::usage(what, format!("give --character the one it was recorded with ({recorded:?})")));
+    }
+    Ok(found.character)
+}
+
+/// A moment that is not in the take would be drawn as its nearest end.
+fn check_moment(take: &Take, args: &ReplayArgs, at: f64) -> Result<(), Failure> {
+    let span = Timeline::recorded(take).and_then(|timeline| timeline.span_seconds());
+    match span {
+        Some((first, last)) if !(first..=last).contains(&at) => Err(Failure::usage(
+            format!("{} goes from {first:.3} s to {last:.3} s, and there is nothing at {at} s", args.take.display()),
+            "choose a moment within it for --at",
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn draw(take: &Take, args: &ReplayArgs, at: f64, path: &std::path::Path, talk: Talk) -> Result<(), Failure> {
-    let actor = character_of(take, args, talk)?;
+    let character = character_of(take, args, talk)?;
     let timeline = Timeline::recorded(take)
         .ok_or_else(|| Failure::input(format!("{} holds no pose", args.take.display()), "record it again"))?;
     let (_, packed) = timeline
         .get(timeline.at(at))
         .ok_or_else(|| Failure::input(format!("{} holds no pose", args.take.display()), "record it again"))?;
-    let (positions, normals) = pictures::skin_once(&actor, &take.unpack(packed))?;
-    let by = pictures::write_picture(path, &actor, &positions, &normals)?;
-    println!("{}: {by}", path.display());
+    let (positions, normals) = pictures::skin_once(&character, &take.unpack(packed))?;
+    let by = pictures::write_picture(args.overwrite, path, &character, &positions, &normals)?;
+    out!("{}: {by}", path.display());
     Ok(())
 }

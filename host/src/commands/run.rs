@@ -7,54 +7,73 @@ use armature_device::servo::{EepromConsent, ServoSettings};
 use armature_rig::{Calibration, Mapping};
 use armature_take::Header;
 
-use crate::characters;
+use crate::characters::{self, LoadedCharacter};
 use crate::cli::args::RunArgs;
-use crate::engine::actor::Actor;
-use crate::engine::live::{Live, parse_address, with_preset};
-use crate::engine::perform::{self, Plan, Summary};
-use crate::engine::performance::{Performance, ZeroPolicy};
-use crate::engine::recorder::check_take_name;
-use crate::engine::virtual_clock::VirtualPuppet;
+use crate::engine::command::RunPlan;
+use crate::engine::drive::drive_run;
+use crate::engine::event::EngineEvent;
+use crate::engine::inbox::Inbox;
+use crate::engine::machine::{Engine, EngineSettings};
+use crate::engine::puppeteer::ZeroPolicy;
+use crate::engine::run_summary::RunSummary;
+use crate::engine::sources::address::{is_simulated, name_device, named, with_preset};
+use crate::engine::sources::{LiveSettings, LiveSource, VirtualSource};
+use crate::engine::take_recorder::take_header;
 use crate::failure::Failure;
-use crate::files;
 use crate::settings;
-use crate::talk::{Bar, Talk};
+use crate::terminal::{Bar, Talk, aside, out};
 
 /// Drives a character with a puppet, and records.
 pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
-    args.record.as_deref().map_or(Ok(()), check_take_name)?;
+    for path in args.record.iter().chain(&args.save_mapping) {
+        args.overwrite.check(path)?;
+    }
+    if let Some(path) = args.calibration.as_deref().filter(|path| !path.exists()) {
+        let what = format!("there is no calibration {}", path.display());
+        return Err(Failure::usage(what, format!("`armature calibrate -o {}` makes one", path.display())));
+    }
     let character = args.character.as_deref().unwrap_or_else(|| characters::default_for(&args.device));
     let bar = Bar::new(talk, "loading the character");
-    let found = characters::find(character, &mut bar.binding())?;
+    let found = characters::find(character, &mut bar.stages())?;
     bar.finish();
     tell(talk, found.warnings.iter().map(|w| format!("note: {w}")));
-    let actor = Arc::new(found.actor);
-    let is_simulated = matches!(parse_address(&args.device)?, armature_device::DeviceAddress::Sim { .. });
+    let character = Arc::new(found.character);
+    let is_simulated = is_simulated(&args.device)?;
     let calibration_path = match &args.calibration {
         Some(path) => Some(path.clone()),
         None if is_simulated => None,
         None => settings::calibration_file(),
     };
     let mut calibration = calibration_path.as_deref().map(settings::read_calibration).transpose()?.unwrap_or_default();
-    calibration.filter = args.filter.unwrap_or(calibration.filter);
-    let performance = Performance::new(
-        actor.clone(),
-        args.mapping.as_deref().map(settings::read_mapping).transpose()?,
+    let kept_filter = calibration.filter;
+    calibration.filter = args.filter.unwrap_or(kept_filter);
+    let mut engine = Engine::new(EngineSettings {
+        samples_per_second: args.rate,
+        zero_policy: if args.zero { ZeroPolicy::AtStart } else { ZeroPolicy::WhenUnknown },
+        mapping: args.mapping.as_deref().map(settings::read_mapping).transpose()?,
         calibration,
-        if args.zero { ZeroPolicy::AtStart } else { ZeroPolicy::WhenUnknown },
-    )?
-    .with_inverse_kinematics(&args.ik)?;
-    let plan = plan(args, &actor);
-    let (performance, summary) = if args.virtual_clock {
-        run_virtually(args, performance, &plan, is_simulated)?
+        ik: args.ik.clone(),
+        draws: false,
+        ..EngineSettings::default()
+    });
+    let plan = plan(args, &character, is_simulated);
+    let summary = if args.virtual_clock {
+        run_virtually(args, &mut engine, character, plan, is_simulated)?
     } else {
-        run_live(args, performance, &plan, talk)?
+        run_live(args, &mut engine, character, plan, talk)?
     };
-    keep(args, calibration_path.as_deref(), performance.calibration(), performance.mapping())?;
+    if let Some(puppeteer) = engine.puppeteer() {
+        let mut calibration = puppeteer.calibration().clone();
+        if !args.save_filter {
+            calibration.filter = kept_filter;
+        }
+        keep(args, calibration_path.as_deref(), &calibration, puppeteer.mapping(), talk)?;
+    }
     if !talk.quiet {
-        println!("{summary}");
-        if !performance.mapping_doubts().is_empty() {
-            println!("{}", mapping_line(performance.mapping_doubts()));
+        out!("{summary}");
+        let doubts = engine.puppeteer().map_or(&[][..], |puppeteer| puppeteer.mapping_doubts());
+        if !doubts.is_empty() {
+            out!("{}", mapping_line(doubts));
         }
     }
     summary.trouble.map_or(Ok(()), Err)
@@ -66,75 +85,115 @@ fn mapping_line(doubts: &[String]) -> String {
     let choices = doubts.len();
     let plural = if choices == 1 { "" } else { "s" };
     format!(
-        "mapping    proposed by shape, {choices} choice{plural} worth a look (-v tells; --save-mapping FILE, correct it, --mapping FILE)"
+        "mapping    proposed by shape, {choices} choice{plural} uncertain (-v lists them; to correct: --save-mapping FILE, edit it, --mapping FILE)"
     )
 }
 
 fn tell(talk: Talk, lines: impl Iterator<Item = String>) {
     if !talk.quiet {
-        lines.for_each(|line| eprintln!("{line}"));
+        lines.for_each(|line| aside!("{line}"));
     }
 }
 
-fn plan(args: &RunArgs, actor: &Actor) -> Plan {
-    let is_simulated = args.device.starts_with("sim:");
-    Plan {
+fn plan(args: &RunArgs, character: &LoadedCharacter, is_simulated: bool) -> RunPlan {
+    RunPlan {
         seconds: args.seconds,
         record: args.record.clone(),
+        overwrite: args.overwrite,
         header: Header {
-            program_version: env!("CARGO_PKG_VERSION").into(),
-            character_name: actor.source.clone(),
-            character_hash: actor.content_hash(),
-            nominal_samples_per_second: Some(args.rate),
             seed: is_simulated.then_some(args.simulated.seed),
             virtual_clock: args.virtual_clock,
             unix_micros: (!args.virtual_clock).then(settings::unix_micros).flatten(),
-            inverse_kinematics: None,
+            ..take_header(character, args.rate)
         },
     }
 }
 
 fn run_virtually(
     args: &RunArgs,
-    performance: Performance,
-    plan: &Plan,
+    engine: &mut Engine,
+    character: Arc<LoadedCharacter>,
+    plan: RunPlan,
     is_simulated: bool,
-) -> Result<(Performance, Summary), Failure> {
+) -> Result<RunSummary, Failure> {
     let Some(name) = args.device.strip_prefix("sim:").filter(|_| is_simulated) else {
         return Err(Failure::usage("--virtual-clock needs a simulated puppet", "choose a --device sim:…"));
     };
     if plan.seconds.is_none() {
-        return Err(Failure::usage("--virtual-clock has no end of its own", "add --seconds N"));
+        return Err(Failure::usage("--virtual-clock needs an end", "add --seconds N"));
     }
-    perform::perform(VirtualPuppet::new(name, &args.simulated, args.rate)?, performance, plan, &mut |_, _| ())
+    let mut source = VirtualSource::new(name, &args.simulated, args.rate)?;
+    drive_run(engine, &mut source, character, &args.device, plan, &mut |event| log_problem("", &event))
 }
 
 fn run_live(
     args: &RunArgs,
-    performance: Performance,
-    plan: &Plan,
+    engine: &mut Engine,
+    character: Arc<LoadedCharacter>,
+    plan: RunPlan,
     talk: Talk,
-) -> Result<(Performance, Summary), Failure> {
+) -> Result<RunSummary, Failure> {
     let device = with_preset(&args.device, args.preset.as_deref())?;
     let eeprom = if args.servo_return_delay_zero { EepromConsent::ReturnDelayZero } else { EepromConsent::Never };
-    let mut live = Live::connect_with(&device, &args.simulated, ServoSettings { eeprom, ..ServoSettings::default() })?;
-    live.start_when_ready(args.rate);
-    live.catch_interrupt();
-    tell(talk, std::iter::once(format!("connected to {}; hold the rest pose (Ctrl-C ends)", live.address())));
-    let bar = Bar::new(talk, "waiting for the puppet");
-    perform::perform(live, performance, plan, &mut |line, done| bar.show(line, done))
+    let settings = LiveSettings {
+        simulated: args.simulated.clone(),
+        servos: ServoSettings { eeprom, ..ServoSettings::default() },
+        catches_interrupt: true,
+        ..LiveSettings::default()
+    };
+    let mut source = LiveSource::new(Inbox::default(), settings)?;
+    let mut bar = None;
+    let summary = drive_run(engine, &mut source, character, &device, plan, &mut |event| {
+        match &event {
+            EngineEvent::LineOpened { line, .. } => {
+                tell(talk, std::iter::once(format!("connected to {line} (Ctrl-C ends)")));
+                bar = Some(Bar::new(talk, "waiting for the puppet"));
+            }
+            EngineEvent::RestPoseAwaited => tell(talk, std::iter::once("hold the rest pose".into())),
+            _ => {}
+        }
+        show_progress(&device, &event, bar.as_ref());
+    });
+    let mut summary = summary.map_err(|failure| name_device(&device, failure))?;
+    summary.trouble = summary.trouble.map(|failure| name_device(&device, failure));
+    Ok(summary)
 }
 
-/// Saves the calibration and, if asked, the mapping.
+/// What a run says while it goes on.
+pub(super) fn show_progress(device: &str, event: &EngineEvent, bar: Option<&Bar>) {
+    if let (EngineEvent::Busy { task, fraction }, Some(bar)) = (event, bar) {
+        bar.show(task, f64::from(fraction.unwrap_or(0.0)));
+    }
+    log_problem(device, event);
+}
+
+/// Trouble that a run or a calibration survives.
+pub(super) fn log_problem(device: &str, event: &EngineEvent) {
+    if let EngineEvent::Problem(problem) | EngineEvent::Waiting(problem) = event {
+        tracing::warn!("{}", named(device, &problem.what));
+    }
+}
+
+/// Saves the calibration and, if asked, the mapping. A calibration file that nobody named may be impossible to write:
+/// the run went well without it.
 fn keep(
     args: &RunArgs,
     calibration_path: Option<&Path>,
     calibration: &Calibration,
     mapping: Option<&Mapping>,
+    talk: Talk,
 ) -> Result<(), Failure> {
-    if let Some(path) = calibration_path {
-        settings::write_calibration(path, calibration)?;
+    match calibration_path.map_or(Ok(()), |path| settings::write_calibration(path, calibration)) {
+        Err(failure) if args.calibration.is_none() => {
+            let what = failure.what;
+            let note =
+                format!("note: the calibration is not saved: {what}\n  → name another file with --calibration FILE");
+            tell(talk, std::iter::once(note));
+        }
+        kept => kept?,
     }
     let save: Option<(&PathBuf, &Mapping)> = args.save_mapping.as_ref().zip(mapping);
-    save.map_or(Ok(()), |(path, mapping)| files::write(path, armature_formats::write_mapping(mapping).as_bytes()))
+    save.map_or(Ok(()), |(path, mapping)| {
+        args.overwrite.write(path, armature_formats::settings::write_mapping(mapping).as_bytes())
+    })
 }

@@ -1,8 +1,10 @@
 //! From the device's words to the rig's: the one place where wire types and skeletons meet.
 
+use std::collections::BTreeMap;
+
 use armature_device as device;
 use armature_rig as rig;
-use armature_take::EventKind;
+use armature_take::{ClockFault, EventKind};
 
 use crate::failure::Failure;
 
@@ -19,7 +21,7 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Takes the device's description of itself.
+    /// Reads the device's description of itself.
     pub fn new(topology: &device::Topology) -> Result<Self, Failure> {
         let mut columns = Vec::with_capacity(topology.sensor_count);
         let mut column = 0;
@@ -111,9 +113,30 @@ pub fn take_events(event: &device::Event) -> impl Iterator<Item = EventKind> {
         ),
         device::Event::Restarted => (Some(EventKind::Restart), None),
         device::Event::Notice(device::DeviceNotice::LineBack { .. }) => (Some(EventKind::Reconnect), None),
+        device::Event::Notice(ref notice) => (clock_fault(notice), None),
         _ => (None, None),
     };
     first.into_iter().chain(second)
+}
+
+/// What a take says of a clock that the session mends.
+fn clock_fault(notice: &device::DeviceNotice) -> Option<EventKind> {
+    let (fault, seconds) = match *notice {
+        device::DeviceNotice::ClockLeaps { seconds, .. } => (ClockFault::Leapt, seconds),
+        device::DeviceNotice::ClockStands { seconds, .. } => (ClockFault::Stood, seconds),
+        device::DeviceNotice::ClockStepsBack { seconds } => (ClockFault::WentBack, seconds),
+        _ => return None,
+    };
+    Some(EventKind::ClockFault { fault, micros: (seconds * 1e6) as u64 })
+}
+
+/// What is known of a puppet all of whose parts are servos of one arm: that it is an arm, and what its joints are called.
+pub fn hints_of_servos(topology: &device::Topology) -> Option<rig::PuppetHints> {
+    let name =
+        |part: &device::Part| Some((rig::PartUid(part.uid.0), device::servo::ServoArm::joint_of(part.uid)?.name));
+    let names: Option<BTreeMap<rig::PartUid, String>> = topology.parts.iter().map(name).collect();
+    let names = names.filter(|names| !names.is_empty())?;
+    Some(rig::PuppetHints { kind: Some(rig::PuppetKind::Arm), names, ..rig::PuppetHints::default() })
 }
 
 #[cfg(test)]
@@ -151,6 +174,19 @@ mod tests {
             states: vec![device::SensorState::Outlier; 4],
             ..device::Sample::default()
         }
+    }
+
+    #[test]
+    fn an_arm_of_servos_is_known_by_its_part_numbers() {
+        for arm in device::servo::ServoArm::presets() {
+            let hints = hints_of_servos(&arm.topology(0xBEEF).unwrap()).unwrap();
+            assert_eq!(hints.kind, Some(rig::PuppetKind::Arm));
+            for joint in &arm.joints {
+                assert_eq!(hints.names[&rig::PartUid(arm.part_uid(0xBEEF, joint.id).0)], joint.name, "{}", arm.name);
+            }
+        }
+        let parts = vec![part(1, device::PartKind::Bend, 1, 1, None)];
+        assert_eq!(hints_of_servos(&device::Topology::new(5, parts).unwrap()), None);
     }
 
     #[test]

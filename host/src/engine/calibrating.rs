@@ -1,113 +1,75 @@
-//! Calibration steps one after the other, whatever the puppet and whatever the clock.
+//! Calibration steps one after the other: which one is next, and what they came to.
 
-use std::io::Sink;
+use std::collections::VecDeque;
 
 use armature_device::{DeviceProblem, Event};
-use armature_rig::{CalibrationStep, Progress, StepError, StepReport, StepTimes};
+use armature_rig::{CalibrationStep, Progress, StepError, StepReport};
 
-use super::live::problem_failure;
-use super::perform::{Next, Source};
-use super::performance::Performance;
-use super::stage::Stage;
+use super::sources::address::problem_failure;
 use crate::failure::Failure;
 
-/// Before the first sample the program waits at most so long, session's time.
-const PATIENCE_SECONDS: f64 = 12.0;
-
-/// Steps that are done, and what the puppet was driving meanwhile.
+/// Steps that were asked for together.
 #[derive(Debug)]
-pub struct Calibrated {
-    /// With the calibration as it is now.
-    pub performance: Performance,
-    /// One a step.
-    pub reports: Vec<StepReport>,
+pub(super) struct CalibrationPlan {
+    waiting: VecDeque<CalibrationStep>,
+    under_way: Option<CalibrationStep>,
+    reports: Vec<StepReport>,
 }
 
-/// Does the steps in this order. `told` hears where each stands, whenever there was something to listen to.
-///
-/// A step that came to nothing ends it: what the steps before it found is in the error's place, in
-/// [`Calibrated`], only if all went well.
-pub fn calibrate<S: Source>(
-    mut source: S,
-    performance: Performance,
-    steps: &[CalibrationStep],
-    times: StepTimes,
-    told: &mut dyn FnMut(CalibrationStep, Progress),
-) -> Result<Calibrated, Failure> {
-    let mut stage: Stage<Sink> = Stage::new(performance);
-    let mut reports = Vec::with_capacity(steps.len());
-    let outcome = wait_for_samples(&mut source, &mut stage).and_then(|()| {
-        steps.iter().try_for_each(|&step| {
-            reports.push(one_step(&mut source, &mut stage, step, times, told)?);
-            Ok(())
-        })
-    });
-    source.close();
-    outcome.map(|()| Calibrated { performance: stage.into_performance(), reports })
-}
-
-fn wait_for_samples(source: &mut impl Source, stage: &mut Stage<Sink>) -> Result<(), Failure> {
-    while stage.latest_sample().is_none() {
-        if source.now() > PATIENCE_SECONDS {
-            let remedy = "unplug it, plug it in again, and look at `armature devices`";
-            return Err(Failure::device("the puppet sends no samples", remedy));
-        }
-        listen(source, stage)?;
+impl CalibrationPlan {
+    pub(super) fn new(steps: Vec<CalibrationStep>) -> Self {
+        Self { waiting: steps.into(), under_way: None, reports: Vec::new() }
     }
-    Ok(())
-}
 
-fn one_step(
-    source: &mut impl Source,
-    stage: &mut Stage<Sink>,
-    step: CalibrationStep,
-    times: StepTimes,
-    told: &mut dyn FnMut(CalibrationStep, Progress),
-) -> Result<StepReport, Failure> {
-    stage.begin_calibration(step, times, source.now());
-    loop {
-        let mut finished = listen(source, stage)?;
-        let now = source.now();
-        match stage.calibration_progress(now) {
-            // Without samples nobody else ends it.
-            Some(Progress::Over) => finished = stage.calibrate(now)?,
-            Some(progress) => told(step, progress),
-            None => {}
+    /// The step to begin now, where none is under way.
+    pub(super) fn next(&mut self) -> Option<CalibrationStep> {
+        if self.under_way.is_none() {
+            self.under_way = self.waiting.pop_front();
+            return self.under_way;
         }
-        if let Some(finished) = finished {
-            return finished.map_err(|error| step_failure(&error));
+        None
+    }
+
+    /// A step has ended. Returns all the reports after the last one.
+    pub(super) fn step_over(&mut self, report: StepReport) -> Option<Vec<StepReport>> {
+        self.under_way = None;
+        self.reports.push(report);
+        self.waiting.is_empty().then(|| std::mem::take(&mut self.reports))
+    }
+
+    /// Whether an event of the puppet makes an end of it.
+    pub(super) fn note(event: &Event) -> Result<(), Failure> {
+        match event {
+            Event::Problem(DeviceProblem::Refused { .. } | DeviceProblem::NoAnswer { .. }) => Ok(()),
+            Event::Problem(problem) => Err(problem_failure(problem)),
+            _ => Ok(()),
         }
     }
 }
 
-/// Lets one event take effect; a step that is over with it.
-fn listen(source: &mut impl Source, stage: &mut Stage<Sink>) -> Result<Option<Result<StepReport, StepError>>, Failure> {
-    if source.interrupted() {
-        return Err(Failure::usage("calibrating was interrupted; nothing was changed", ""));
-    }
-    match source.next() {
-        Next::Event(Event::Problem(problem @ (DeviceProblem::Refused { .. } | DeviceProblem::NoAnswer { .. }))) => {
-            tracing::warn!("{problem}");
-            Ok(None)
-        }
-        Next::Event(Event::Problem(problem)) => Err(problem_failure(&problem)),
-        Next::Event(event) => {
-            if let Event::Notice(notice) = &event {
-                tracing::warn!("{notice}");
-            }
-            Ok(stage.handle(&event)?.calibrated)
-        }
-        Next::Quiet => Ok(None),
-        Next::Over => Err(problem_failure(&DeviceProblem::Disconnected { reason: "the line was closed".into() })),
+/// Where a step stands to the whole second: what is worth reporting when it changes.
+pub(super) fn in_seconds(progress: Progress) -> Option<(bool, &'static str, u64)> {
+    match progress {
+        Progress::Countdown { seconds_left, instruction } => Some((false, instruction, seconds_left.ceil() as u64)),
+        Progress::Measuring { seconds_left, instruction } => Some((true, instruction, seconds_left.ceil() as u64)),
+        Progress::Over => None,
     }
 }
 
-/// A step's trouble as the program tells it.
-pub fn step_failure(error: &StepError) -> Failure {
+/// A step's trouble as the program reports it.
+pub(super) fn step_failure(error: &StepError) -> Failure {
     let remedy = match error {
         StepError::NoSamples { .. } => "look at the cable and at `armature devices`, and do the step again",
         StepError::TreeChanged { .. } => "",
         StepError::Calibration(_) => "remove the part's entry from the calibration file",
     };
     Failure::device(error.to_string(), remedy)
+}
+
+/// No sample came at all. `refused`: what the device refused.
+pub(super) fn no_samples(refused: Option<&DeviceProblem>) -> Failure {
+    if let Some(problem) = refused {
+        return problem_failure(problem);
+    }
+    Failure::device("the puppet sends no samples", "unplug it, plug it in again, and look at `armature devices`")
 }

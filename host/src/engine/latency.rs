@@ -1,9 +1,19 @@
 //! How long after a sample's last byte the character is posed and skinned.
 
-/// Collected latencies.
+use std::time::Duration;
+
+use hdrhistogram::Histogram;
+
+/// Significant digits of a latency that are kept.
+const DIGITS: u8 = 3;
+/// A longer latency counts as this.
+const LONGEST: Duration = Duration::from_mins(1);
+
+/// Collected latencies, in a quarter of a megabyte however long the run.
 #[derive(Clone, Debug, Default)]
 pub struct Latencies {
-    micros: Vec<f64>,
+    /// Nanoseconds; made by the first latency.
+    nanos: Option<Histogram<u64>>,
 }
 
 /// Percentiles of latencies, microseconds.
@@ -19,26 +29,29 @@ pub struct LatencySummary {
 
 impl Latencies {
     /// Adds one.
-    pub fn add(&mut self, latency: std::time::Duration) {
-        self.micros.push(latency.as_secs_f64() * 1e6);
+    pub fn add(&mut self, latency: Duration) {
+        if self.nanos.is_none() {
+            // Only bounds that contradict each other are refused.
+            self.nanos = Histogram::new_with_max(LONGEST.as_nanos() as u64, DIGITS).ok();
+        }
+        if let Some(nanos) = &mut self.nanos {
+            nanos.saturating_record(latency.min(LONGEST).as_nanos() as u64);
+        }
     }
 
-    /// Percentiles of all that were added; zero without any.
+    /// Like [`summary`](Self::summary), but `None` if nothing was added.
+    pub fn measured(&self) -> Option<LatencySummary> {
+        self.nanos.is_some().then(|| self.summary())
+    }
+
+    /// Percentiles of everything added, to three digits; zero if nothing was.
     pub fn summary(&self) -> LatencySummary {
-        let mut sorted = self.micros.clone();
-        sorted.sort_by(f64::total_cmp);
-        let at = |fraction| if sorted.is_empty() { 0.0 } else { percentile(&sorted, fraction) };
+        let at = |fraction| self.nanos.as_ref().map_or(0.0, |nanos| nanos.value_at_quantile(fraction) as f64 / 1e3);
         LatencySummary { p50: at(0.5), p99: at(0.99), max: at(1.0) }
-    }
-
-    /// Forgets all but the newest `count`.
-    pub fn keep_newest(&mut self, count: usize) {
-        let surplus = self.micros.len().saturating_sub(count);
-        self.micros.drain(..surplus);
     }
 }
 
-/// The value below which `fraction` of the sorted values lie; NaN without values.
+/// The value that `fraction` of the sorted values do not exceed; NaN without values.
 pub fn percentile(sorted: &[f64], fraction: f64) -> f64 {
     let last = sorted.len().saturating_sub(1);
     sorted.get((fraction * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
@@ -54,17 +67,31 @@ impl std::fmt::Display for LatencySummary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     #[test]
     fn percentiles_of_a_known_list() {
         let mut latencies = Latencies::default();
         (0..=100).rev().for_each(|micros| latencies.add(Duration::from_micros(micros)));
         let summary = latencies.summary();
-        assert!((summary.p50 - 50.0).abs() < 1e-6 && (summary.p99 - 99.0).abs() < 1e-6);
-        latencies.keep_newest(1);
-        assert!(latencies.summary().max.abs() < 1e-6);
+        let is = |value: f64, wanted: f64| (value / wanted - 1.0).abs() < 1e-3;
+        assert!(is(summary.p50, 50.0) && is(summary.p99, 99.0) && is(summary.max, 100.0), "{summary:?}");
         assert_eq!(Latencies::default().summary(), LatencySummary::default());
         assert!(percentile(&[], 0.5).is_nan());
+    }
+
+    #[test]
+    fn an_hour_takes_no_more_memory_than_a_moment() {
+        let mut latencies = Latencies::default();
+        latencies.add(Duration::from_micros(300));
+        let places = |latencies: &Latencies| latencies.nanos.as_ref().map(Histogram::distinct_values);
+        let at_first = places(&latencies);
+        // An hour at 1,000 Hz, with stalls longer than any that is told apart.
+        for sample in 0..3_600_000_u64 {
+            latencies.add(Duration::from_micros(200 + sample % 1_000));
+        }
+        latencies.add(Duration::MAX);
+        assert_eq!(places(&latencies), at_first);
+        assert!(at_first.is_some_and(|places| places * size_of::<u64>() < 300_000), "{at_first:?}");
+        assert!((latencies.summary().max / 60e6 - 1.0).abs() < 1e-3, "{:?}", latencies.summary());
     }
 }

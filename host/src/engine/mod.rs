@@ -1,17 +1,23 @@
-//! Where all rooms meet at pose time: device session → rig solver → skin → take, and the window's engine.
+//! The engine: puppet, character and take at pose time, for the window and every subcommand that performs.
+//!
+//! A closed list of [`input`]s goes into one state machine ([`machine`]), pumped by one loop ([`drive`]) from one of
+//! the [`sources`]. Below the machine, each event of a puppet passes through the [`pipeline`]: [`bridge`] (wire types
+//! to the rig's) → [`puppeteer`] (samples to a posed and skinned character) → [`take_recorder`].
 
-pub mod actor;
 pub mod bridge;
-pub mod calibrating;
-pub mod completion;
+mod calibrating;
+pub mod command;
+pub mod drive;
+pub mod event;
 pub mod frames;
+pub mod inbox;
+pub mod input;
 pub mod latency;
-pub mod live;
-pub mod perform;
-pub mod performance;
-pub mod recorder;
-pub mod second_process;
-pub mod show;
-pub mod simulated;
-pub mod stage;
-pub mod virtual_clock;
+pub mod link;
+pub mod machine;
+pub mod pipeline;
+pub mod puppeteer;
+mod run;
+pub mod run_summary;
+pub mod sources;
+pub mod take_recorder;

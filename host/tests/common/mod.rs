@@ -1,11 +1,11 @@
-//! Running the program as a user does: in a folder of its own, with settings and cache of its own.
+//! Runs the program as a user does: in its own folder, with its own settings and cache.
 
 #![allow(dead_code, reason = "each test uses some of it")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A folder for one test, empty at its beginning, in which the program runs.
+/// A folder for one test, empty at first, in which the program runs.
 pub(crate) struct Place {
     pub(crate) folder: PathBuf,
 }
@@ -20,7 +20,7 @@ pub(crate) struct Ran {
 }
 
 impl Place {
-    /// The name has to be another for each test.
+    /// The name must be different for each test.
     pub(crate) fn new(name: &str) -> Self {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
         if folder.exists() {
@@ -51,14 +51,14 @@ impl Place {
         for variable in ["HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME"] {
             command.env(variable, &self.folder);
         }
-        // A test's own wish for more or less talk, or for another Python, is not the program's.
+        // The test's own settings for logging or for another Python must not affect the program.
         for variable in ["ARMATURE_LOG", "ARMATURE_BPY_PYTHON", "RUST_BACKTRACE"] {
             command.env_remove(variable);
         }
         command
     }
 
-    /// Runs the program to its end. Whatever it was given, it does not panic and is not killed.
+    /// Runs the program to its end. Whatever its input, it must not panic or be killed.
     pub(crate) fn run(&self, arguments: &[&str]) -> Ran {
         let output = self.command(arguments).output().expect("the program starts");
         let ran = Ran {
@@ -72,14 +72,14 @@ impl Place {
         ran
     }
 
-    /// Runs what has to succeed.
+    /// Runs a command that must succeed.
     pub(crate) fn done(&self, arguments: &[&str]) -> Ran {
         let ran = self.run(arguments);
         assert_eq!(ran.code, 0, "{ran:?}");
         ran
     }
 
-    /// Runs what has to fail with this code, and asks for an error that names the culprit and says what to do.
+    /// Runs a command that must fail with this code and an error that names the culprit and says what to do.
     pub(crate) fn fails(&self, code: i32, culprit: &str, arguments: &[&str]) -> Ran {
         let ran = self.run(arguments);
         assert_eq!(ran.code, code, "{ran:?}");
@@ -89,10 +89,10 @@ impl Place {
 }
 
 impl Ran {
-    /// The error names the culprit and has a remedy: behind an arrow, or in the sentence itself.
+    /// The error names the culprit and has a remedy: after an arrow, or in the sentence itself.
     pub(crate) fn assert_explains(&self, culprit: &str) {
         let error = self.err.split_once("error: ").map(|(_, error)| error);
-        let error = error.unwrap_or_else(|| panic!("no error is told: {self:?}"));
+        let error = error.unwrap_or_else(|| panic!("no error is reported: {self:?}"));
         assert!(error.contains(culprit), "{culprit:?} is not named: {self:?}");
         let advises =
             ["→", "; ", ": is ", ": check ", ": update ", "(set it with ", "`armature ", "tip: ", "try '--help'"]
@@ -100,18 +100,6 @@ impl Ran {
                 .any(|sign| error.contains(sign));
         assert!(advises, "no remedy: {self:?}");
     }
-}
-
-/// A file of the shared test data, which lies beside the repository. Without it a test says loudly that it is
-/// skipped, and fails where `ARMATURE_REQUIRE_SHARED_DATA` is set.
-pub(crate) fn shared(name: &str) -> Option<PathBuf> {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let file = here.ancestors().map(|folder| folder.join("shared/data").join(name)).find(|file| file.exists());
-    if file.is_none() {
-        assert!(std::env::var_os("ARMATURE_REQUIRE_SHARED_DATA").is_none(), "shared/data/{name} is missing");
-        println!("SKIPPED: shared/data/{name} is not here");
-    }
-    file
 }
 
 /// A closed tube along +Y from 0 to 2 as OBJ: rings of vertices with a cap at each end.

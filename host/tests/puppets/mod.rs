@@ -1,9 +1,12 @@
-//! A puppet and a character made of capsules, for windows under test.
+//! A puppet and a character made of capsules, for testing the window.
 
 use std::sync::Arc;
 
-use armature::app::engine::{CharacterView, Frame, Stats};
-use armature_geometry::Influences;
+use armature::characters::LoadedCharacter;
+use armature::engine::event::{Frame, Stats};
+use armature_character::{Character, Provenance};
+use armature_formats::model::Material;
+use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::{Bone, JointTree, Part, PartKind, PartUid, SensorState, Skeleton, Transform};
 use glam::Vec3;
 
@@ -30,38 +33,59 @@ const LIMBS: [Limb; 15] = [
     ("shin.R", Some(13), [-0.16, 0.51, 0.02], [-0.19, 0.08, -0.10], [0.062, 0.045], PartKind::Bend),
 ];
 
-/// A figure of capsules, one to a bone.
-pub(crate) fn character() -> CharacterView {
-    let mut view = CharacterView { name: "Test figure".into(), ..CharacterView::default() };
+#[derive(Default)]
+struct Surface {
+    mesh: TriangleMesh,
+    normals: Vec<[f32; 3]>,
+}
+
+/// A figure of capsules, one per bone.
+pub(crate) fn character() -> LoadedCharacter {
+    let mut surface = Surface::default();
     let mut bones = Vec::new();
     let mut bone_of_vertex = Vec::new();
     for (index, (name, parent, head, tail, radii, _)) in LIMBS.into_iter().enumerate() {
         let origin = parent.map_or(Vec3::ZERO, |parent| Vec3::from(LIMBS[parent].2));
         let rest = Transform { translation: Vec3::from(head) - origin, ..Transform::IDENTITY };
         bones.push(Bone { name: name.into(), parent, rest, tail: Vec3::from(tail) - Vec3::from(head) });
-        capsule(&mut view, head.into(), tail.into(), radii);
-        bone_of_vertex.resize(view.positions.len(), index as u16);
+        capsule(&mut surface, head.into(), tail.into(), radii);
+        bone_of_vertex.resize(surface.normals.len(), index as u16);
     }
     let weights = vec![1.0; bone_of_vertex.len()];
-    view.influences = Some(Influences::new(1, bone_of_vertex, weights, bones.len()).expect("one bone a vertex"));
-    view.skeleton = Skeleton::new(bones).expect("parents come first");
-    view
+    let character = Character {
+        name: "Test figure".into(),
+        surface: Arc::new(armature_character::Surface {
+            parts: vec![armature_character::Surface::one_part(&surface.mesh)],
+            morph_targets: Vec::new(),
+            mesh: surface.mesh,
+            normals: surface.normals,
+            texture_coordinates: None,
+            vertex_colors: None,
+            influences: Influences::new(1, bone_of_vertex, weights, bones.len()).expect("one bone per vertex"),
+        }),
+        materials: vec![Material { base_color: Some([0.78, 0.72, 0.66, 1.0]), ..Material::default() }],
+        skins: Vec::new(),
+        skeleton: Skeleton::new(bones).expect("parents come first"),
+        provenance: Provenance::Artist,
+        warnings: Vec::new(),
+    };
+    LoadedCharacter::bound("figure", character).0
 }
 
-fn capsule(view: &mut CharacterView, from: Vec3, to: Vec3, radii: [f32; 2]) {
+fn capsule(surface: &mut Surface, from: Vec3, to: Vec3, radii: [f32; 2]) {
     const RINGS: u32 = 14;
     const SECTORS: u32 = 20;
     let axis = (to - from).normalize();
     let (z, x) = axis.any_orthonormal_pair();
-    let first = view.positions.len() as u32;
+    let first = surface.normals.len() as u32;
     for ring in 0..=RINGS {
         let angle = std::f32::consts::PI * (ring as f32 / RINGS as f32 - 0.5);
         let (end, radius) = if ring * 2 < RINGS { (from, radii[0]) } else { (to, radii[1]) };
         for sector in 0..SECTORS {
             let around = std::f32::consts::TAU * sector as f32 / SECTORS as f32;
             let normal = axis * angle.sin() + (x * around.cos() + z * around.sin()) * angle.cos();
-            view.positions.push((end + normal * radius).to_array());
-            view.normals.push(normal.to_array());
+            surface.mesh.vertices.push((end + normal * radius).as_dvec3().to_array());
+            surface.normals.push(normal.to_array());
         }
     }
     for ring in 0..RINGS {
@@ -69,7 +93,7 @@ fn capsule(view: &mut CharacterView, from: Vec3, to: Vec3, radii: [f32; 2]) {
             let corner = |ring: u32, sector: u32| first + ring * SECTORS + sector % SECTORS;
             let (a, b) = (corner(ring, sector), corner(ring, sector + 1));
             let (c, d) = (corner(ring + 1, sector), corner(ring + 1, sector + 1));
-            view.triangles.extend([[a, c, b], [b, c, d]]);
+            surface.mesh.triangles.extend([[a, c, b], [b, c, d]]);
         }
     }
 }
@@ -93,16 +117,17 @@ pub(crate) fn mapping() -> Vec<Option<usize>> {
     (0..LIMBS.len()).map(Some).collect()
 }
 
-/// A moment: the rest pose, plausible angles, a few troubled sensors.
-pub(crate) fn frame(character: &CharacterView) -> Box<Frame> {
+/// A moment: the rest pose, plausible angles, a few sensors with problems.
+pub(crate) fn frame(character: &LoadedCharacter) -> Box<Frame> {
+    let shape = character.shape.as_ref().expect("the figure has a surface");
     let sensors = tree().sensor_count();
     let mut states = vec![SensorState::Ok; sensors];
     for (sensor, state) in [(7, SensorState::MagnetWeak), (16, SensorState::Outlier), (18, SensorState::NoData)] {
         states[sensor] = state;
     }
     Box::new(Frame {
-        positions: character.positions.clone(),
-        normals: character.normals.clone(),
+        positions: shape.positions.clone(),
+        normals: shape.normals().to_vec(),
         bones: character.skeleton.rest_segments().iter().map(|(a, b)| (a.to_array(), b.to_array())).collect(),
         angles: (0..sensors).map(|i| (i as f32 * 2.4).sin() * 1.2).collect(),
         states,

@@ -1,19 +1,20 @@
-//! Serving an emulated bus of servos in real time, on a pseudo-terminal.
+//! Serving an emulated servo bus in real time, on a pseudo-terminal.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::ServeError;
+use super::settings::ServeError;
 use crate::servo::{ServoBus, ServoBusTruth};
 
-/// Serves on a new pseudo-terminal until `stop` is set; then the terminal goes away, as if the plug were pulled. `ready`
-/// is told the address, `feetech:/dev/pts/N` or `dynamixel:/dev/pts/N`, as soon as a host may open it. A host whose line
-/// has another speed than the bus hears and says nonsense, as on a real one.
+/// Serves on a new pseudo-terminal until `stop` is set; then the terminal disappears, as if unplugged. `ready` gets the
+/// address, `feetech:/dev/pts/N` or `dynamixel:/dev/pts/N`, as soon as a host can open it. A host whose line is set to
+/// another speed than the bus receives and sends garbage, as on a real one.
 pub fn bus(mut bus: ServoBus, stop: &AtomicBool, ready: impl FnOnce(&str)) -> Result<ServoBusTruth, ServeError> {
     #[cfg(unix)]
     {
         use std::time::{Duration, Instant};
 
-        use super::{LOOK_UP, Port, pseudo_terminal};
+        use super::port::{LOOK_UP, Port};
+        use super::pseudo_terminal;
 
         let (mut port, path) = pseudo_terminal::open().map_err(ServeError::PseudoTerminal)?;
         ready(&format!("{}:{path}", bus.kind().scheme()));
@@ -24,7 +25,7 @@ pub fn bus(mut bus: ServoBus, stop: &AtomicBool, ready: impl FnOnce(&str)) -> Re
             port.receive(&mut heard)?;
             let now = start.elapsed().as_nanos() as u64;
             bus.step(now, port.host_baud()?, &heard, &mut said);
-            // What nobody takes is gone: a bus keeps nothing.
+            // What nobody reads is lost: a bus keeps nothing.
             let taken = port.send(&said)?.unwrap_or(said.len());
             said.drain(..taken);
             let now = start.elapsed().as_nanos() as u64;

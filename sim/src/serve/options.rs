@@ -3,51 +3,40 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use armature_formats::motion::{BvhMotion, read_bvh};
 use armature_rig::Motion as RigMotion;
 use firmware_protocol::MAX_RECORDS;
 
-use super::ServeSettings;
+use super::settings::ServeSettings;
 use crate::body::{Body, BodyError};
-use crate::faults::{Faults, NoiseBurst, SensorFault, SensorFaultKind, Unplugging};
-use crate::motion::{Motion, TrackEnd};
-use crate::motion_file::{MotionFileError, puppet_from_motion};
-use crate::puppet::Puppet;
-use crate::retarget::retarget;
+use crate::faults::{ClockFault, ClockFaultKind, Faults, NoiseBurst, SensorFault, SensorFaultKind, Unplugging};
+use crate::motion::{Motion, MotionFileError, TrackEnd, puppet_from_motion, retarget};
+use crate::puppet::{Puppet, PuppetSettings, SettingsError};
 use crate::servo::{ServoBus, ServoBusError, ServoBusSettings};
-use crate::settings::{PuppetSettings, SettingsError};
-
-/// Where to serve.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// On a new pseudo-terminal.
-    Pty,
-    /// Over TCP at this address.
-    Tcp(String),
-}
 
 /// Which puppet to emulate, what it does and what goes wrong. Times are in seconds.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// human, human8, spider, hand, joints:N, or a BVH file (one joint a bone); so101-leader, koch-leader, gello or gello-franka:
-    /// an arm of bus servos, on a pseudo-terminal only
+    /// human, human8, spider, hand, joints:N, or a BVH file (one joint per bone); so101-leader, koch-leader, gello or
+    /// gello-franka: an arm of bus servos, on a pseudo-terminal only
     #[arg(default_value = "human")]
     pub puppet: String,
-    /// rest, walk, wave, walk+wave, wiggle, sweep, or a BVH file of a human figure [default: the puppet's own file, wiggle for joints:N, else walk]
+    /// rest, walk, wave, walk+wave, wiggle, sweep, or a BVH file of a human figure [default: the puppet's own file, wiggle for joints:N, otherwise walk]
     #[arg(long)]
     pub motion: Option<String>,
-    /// Begin a file's motion again when it ends, instead of holding its last frame
+    /// Start a file's motion again when it ends, instead of holding its last frame
     #[arg(long = "loop")]
     pub repeat: bool,
-    /// Decides part numbers, magnets, noise and faults
+    /// Seed for part numbers, magnets, noise and faults
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// The fastest rate it grants, samples a second
+    /// The fastest rate it grants, samples per second
     #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
     pub rate: f64,
-    /// Hold the rest pose for so long after each start, so that it can be zeroed
+    /// Hold the rest pose this long after each start, so that it can be zeroed
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
     pub rest: f64,
-    /// Resolution of the sensors, bits in a turn
+    /// Sensor resolution, bits per turn
     #[arg(long, default_value_t = 14, value_parser = clap::value_parser!(u8).range(1..=16))]
     pub bits: u8,
     /// Glue every magnet in at 0 instead of at random
@@ -59,22 +48,22 @@ pub struct Options {
     /// Noise of the readings, counts
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0)]
     pub noise: f64,
-    /// Chance of a flipped bit for each byte
+    /// Chance of a flipped bit, per byte
     #[arg(long, value_name = "CHANCE", default_value_t = 0.0)]
     pub flip: f64,
-    /// Chance for each byte to get lost
+    /// Chance of a lost byte, per byte
     #[arg(long, value_name = "CHANCE", default_value_t = 0.0)]
     pub drop: f64,
-    /// Chance for each byte to come twice
+    /// Chance of a byte arriving twice, per byte
     #[arg(long, value_name = "CHANCE", default_value_t = 0.0)]
     pub duplicate: f64,
-    /// Chance for each reading to be wild and marked as outlier
+    /// Chance of a wild reading marked as an outlier, per reading
     #[arg(long, value_name = "CHANCE", default_value_t = 0.0)]
     pub outlier: f64,
-    /// Chance for each reading to be wild and not marked
+    /// Chance of a wild reading that is not marked, per reading
     #[arg(long, value_name = "CHANCE", default_value_t = 0.0)]
     pub hidden_outlier: f64,
-    /// Noise in place of everything sent: START:DURATION
+    /// Noise instead of everything sent: START:DURATION
     #[arg(long, value_name = "START:DURATION")]
     pub burst: Vec<String>,
     /// A sensor that sticks: SENSOR@START:DURATION
@@ -86,13 +75,20 @@ pub struct Options {
     /// A sensor with a weak magnet: SENSOR@START:DURATION
     #[arg(long, value_name = "SENSOR@START:DURATION")]
     pub weak: Vec<String>,
-    /// A part that is pulled out with all that hangs on it: `left_elbow@START:DURATION`, or for good: `left_elbow@START`
+    /// A part that is pulled out with everything attached to it: `left_elbow@START:DURATION`, or for good:
+    /// `left_elbow@START`
     #[arg(long, value_name = "PART@START[:DURATION]")]
     pub pull: Vec<String>,
-    /// How much too fast the device's clock runs, millionths
+    /// How much too fast the device's clock runs, parts per million
     #[arg(long, value_name = "PPM", default_value_t = 0.0, allow_negative_numbers = true)]
     pub drift: f64,
-    /// When the device loses power and starts anew
+    /// A device clock that shows some seconds more or less: BY@START, or BY@START:DURATION
+    #[arg(long, value_name = "BY@START[:DURATION]", allow_hyphen_values = true)]
+    pub clock_step: Vec<String>,
+    /// A device clock that stands still: START:DURATION
+    #[arg(long, value_name = "START:DURATION")]
+    pub clock_stand: Vec<String>,
+    /// When the device loses power and restarts
     #[arg(long, value_name = "SECONDS")]
     pub restart: Vec<f64>,
     /// Keep to this line speed (ten bits a byte)
@@ -103,7 +99,7 @@ pub struct Options {
     pub unplug_after: Option<f64>,
 }
 
-/// Why options make no puppet.
+/// Why the options do not describe a puppet.
 #[derive(Debug, thiserror::Error)]
 pub enum OptionsError {
     /// A file that cannot be read.
@@ -111,10 +107,10 @@ pub enum OptionsError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// A file that is no motion.
+    /// A file that is not a motion.
     #[error(transparent)]
     Format(#[from] armature_formats::FormatError),
     /// A motion that the puppet cannot play.
@@ -126,7 +122,7 @@ pub enum OptionsError {
     /// Impossible settings.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// No such bus of servos.
+    /// No such servo bus.
     #[error(transparent)]
     ServoBus(#[from] ServoBusError),
     /// No such motion.
@@ -140,7 +136,7 @@ pub enum OptionsError {
         /// What it should look like.
         pattern: &'static str,
     },
-    /// A part that the puppet has not.
+    /// A part that the puppet does not have.
     #[error("the puppet has no part called {name:?}; it has {known}")]
     UnknownPart {
         /// The name given.
@@ -151,7 +147,7 @@ pub enum OptionsError {
 }
 
 impl Default for Options {
-    /// As the command line without any option.
+    /// As the command line without options.
     fn default() -> Self {
         #[derive(clap::Parser)]
         struct Line {
@@ -174,7 +170,7 @@ impl Options {
             let (body, track) = puppet_from_motion(&read_motion(&self.puppet)?, self.seed)?;
             (body, Motion::Track(track))
         } else {
-            // Joints without a meaning have nothing to walk with.
+            // Joints without names that mean something cannot walk.
             let motion = if self.puppet.starts_with("joints") { Motion::Wiggle } else { Motion::Walk };
             (Body::preset(&self.puppet, self.seed)?, motion)
         };
@@ -190,6 +186,7 @@ impl Options {
         }
         Ok(PuppetSettings {
             motion,
+            leads: true,
             seed: self.seed,
             rest_micros: micros(self.rest),
             counts_per_turn: 1 << self.bits,
@@ -204,7 +201,24 @@ impl Options {
         })
     }
 
-    /// The bus of servos, if the name is that of an arm; sensors are its servos.
+    /// Reads the motion files to be played: what is unusual in them, in sentences.
+    pub fn motion_warnings(&self) -> Result<Vec<String>, OptionsError> {
+        let files =
+            [Some(&self.puppet), self.motion.as_ref()].into_iter().flatten().filter(|name| is_motion_file(name));
+        let mut warnings = Vec::new();
+        for file in files {
+            let read = read_file(file)?;
+            warnings.extend(read.warnings.into_iter().map(|warning| format!("{file}: {warning}")));
+        }
+        Ok(warnings)
+    }
+
+    /// The motion that the puppet is made from, if it is made from one.
+    pub(super) fn own_motion(&self) -> Result<Option<RigMotion>, OptionsError> {
+        is_motion_file(&self.puppet).then(|| read_motion(&self.puppet)).transpose()
+    }
+
+    /// The servo bus, if the name is that of an arm; its sensors are the servos.
     pub fn servo_bus(&self) -> Option<Result<ServoBus, OptionsError>> {
         let settings = ServoBusSettings::preset(&self.puppet, self.seed).ok()?;
         Some(self.servo_bus_of(settings))
@@ -247,9 +261,38 @@ impl Options {
             hidden_outlier: self.hidden_outlier,
             unplugged: self.pull.iter().map(|text| unplugging(text, body)).collect::<Result<_, _>>()?,
             clock_drift_ppm: self.drift,
+            clock: self.clock_faults()?,
             restarts: self.restart.iter().map(|&seconds| micros(seconds)).collect(),
         })
     }
+}
+
+impl Options {
+    fn clock_faults(&self) -> Result<Vec<ClockFault>, OptionsError> {
+        let mut faults = Vec::new();
+        for text in &self.clock_step {
+            let wrong = || OptionsError::Pattern { text: text.clone(), pattern: "BY@START or BY@START:DURATION" };
+            let (by, when) = text.split_once('@').ok_or_else(wrong)?;
+            let by_micros = by.parse::<f64>().ok().filter(|by| by.is_finite()).ok_or_else(wrong)? * 1e6;
+            let (at_micros, for_micros) = span(when).ok_or_else(wrong)?;
+            faults.push(ClockFault { at_micros, for_micros, kind: ClockFaultKind::Steps(by_micros as i64) });
+        }
+        for text in &self.clock_stand {
+            let NoiseBurst { start_micros: at_micros, duration_micros } = burst(text)?;
+            faults.push(ClockFault { at_micros, for_micros: Some(duration_micros), kind: ClockFaultKind::Stands });
+        }
+        Ok(faults)
+    }
+}
+
+/// `START` or `START:DURATION`.
+fn span(text: &str) -> Option<(u64, Option<u64>)> {
+    let (at, duration) = text.split_once(':').map_or((text, None), |(at, duration)| (at, Some(duration)));
+    let duration = match duration {
+        None => None,
+        Some(duration) => Some(time(duration)?),
+    };
+    Some((time(at)?, duration))
 }
 
 fn is_motion_file(name: &str) -> bool {
@@ -257,11 +300,15 @@ fn is_motion_file(name: &str) -> bool {
 }
 
 fn read_motion(path: &str) -> Result<RigMotion, OptionsError> {
-    let bytes = std::fs::read(path).map_err(|source| OptionsError::Read { path: path.into(), source })?;
-    Ok(armature_formats::read_bvh(&bytes).map_err(|error| error.in_file(path))?)
+    Ok(read_file(path)?.motion)
 }
 
-/// Negative and senseless times are 0; more than a u64 holds is for ever.
+fn read_file(path: &str) -> Result<BvhMotion, OptionsError> {
+    let bytes = std::fs::read(path).map_err(|source| OptionsError::Read { path: path.into(), source })?;
+    Ok(read_bvh(&bytes).map_err(|error| error.in_file(path))?)
+}
+
+/// Negative values and NaN become 0; more than a u64 holds means forever.
 fn micros(seconds: f64) -> u64 {
     (seconds * 1e6) as u64
 }
@@ -292,9 +339,7 @@ fn unplugging(text: &str, body: &Body) -> Result<Unplugging, OptionsError> {
         let known: Vec<&str> = body.parts().iter().map(|part| part.label.as_str()).collect();
         OptionsError::UnknownPart { name: name.to_owned(), known: known.join(", ") }
     })?;
-    let (at, duration) = when.split_once(':').map_or((when, None), |(at, duration)| (at, Some(duration)));
-    let at_micros = time(at).ok_or_else(wrong)?;
-    let for_micros = duration.map(|duration| time(duration).ok_or_else(wrong)).transpose()?;
+    let (at_micros, for_micros) = span(when).ok_or_else(wrong)?;
     Ok(Unplugging { part, at_micros, for_micros })
 }
 
@@ -309,6 +354,8 @@ mod tests {
             stuck: vec!["3@2:1".into()],
             pull: vec!["left_elbow@4:2".into(), "head@9".into()],
             restart: vec![7.0],
+            clock_step: vec!["-0.5@3".into(), "4294.967296@2:0.01".into()],
+            clock_stand: vec!["1:2".into()],
             ..Options::default()
         };
         let settings = options.puppet_settings().unwrap();
@@ -318,6 +365,9 @@ mod tests {
         assert_eq!(faults.unplugged[0].for_micros, Some(2_000_000));
         assert_eq!(faults.unplugged[1].for_micros, None);
         assert_eq!(faults.restarts, [7_000_000]);
+        assert_eq!(faults.clock[0].kind, ClockFaultKind::Steps(-500_000));
+        assert_eq!((faults.clock[1].kind, faults.clock[1].for_micros), (ClockFaultKind::Steps(1 << 32), Some(10_000)));
+        assert_eq!((faults.clock[2].kind, faults.clock[2].at_micros), (ClockFaultKind::Stands, 1_000_000));
         let wrong = |change: fn(&mut Options)| {
             let mut options = Options::default();
             change(&mut options);
@@ -326,6 +376,7 @@ mod tests {
         assert!(matches!(wrong(|o| o.burst = vec!["1".into()]), OptionsError::Pattern { .. }));
         assert!(matches!(wrong(|o| o.weak = vec!["x@1:1".into()]), OptionsError::Pattern { .. }));
         assert!(matches!(wrong(|o| o.pull = vec!["head@-1".into()]), OptionsError::Pattern { .. }));
+        assert!(matches!(wrong(|o| o.clock_step = vec!["x@1".into()]), OptionsError::Pattern { .. }));
         assert!(matches!(wrong(|o| o.pull = vec!["nose@1".into()]), OptionsError::UnknownPart { .. }));
         assert!(matches!(wrong(|o| o.motion = Some("dance".into())), OptionsError::UnknownMotion(_)));
         assert!(matches!(wrong(|o| o.motion = Some("/none.bvh".into())), OptionsError::Read { .. }));

@@ -10,10 +10,10 @@ use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::unistd::ttyname;
 
-use super::Port;
+use super::port::Port;
 use super::socket::{read_all, wait_for, write_some};
 
-/// Our end, and the host's end kept open, so that bytes wait there for whoever opens it next.
+/// Our end, plus the host's end kept open so that bytes wait there for the next program that opens it.
 #[derive(Debug)]
 pub(super) struct PseudoTerminal {
     ours: File,
@@ -21,7 +21,7 @@ pub(super) struct PseudoTerminal {
 }
 
 impl PseudoTerminal {
-    /// The speed that the host has set at its end, bits a second.
+    /// The speed the host has set on its end, bits per second.
     pub(super) fn host_baud(&self) -> io::Result<u32> {
         Ok(rustix::termios::tcgetattr(&self.theirs)?.output_speed())
     }

@@ -1,15 +1,15 @@
-//! Bytes that wait to be sent.
+//! Bytes waiting to be sent.
 
-/// A bounded queue that keeps a line's speed. What does not fit is dropped in whole frames, the newest first, as by a
+/// A bounded queue that sends at a line's speed. When it is full, whole frames are dropped, newest first, as by a
 /// device whose buffer is full.
 #[derive(Debug)]
 pub(super) struct Queue {
     bytes: Vec<u8>,
-    /// Bytes at the front that are sent already.
+    /// Bytes at the front that have already been sent.
     gone: usize,
     limit: usize,
     bytes_per_second: Option<u64>,
-    /// Millionths of a byte that may be sent, and the time up to which that is reckoned.
+    /// Millionths of a byte that may be sent, and the time up to which this is accounted.
     credit: u64,
     credited_micros: u64,
     bytes_sent: u64,
@@ -17,7 +17,7 @@ pub(super) struct Queue {
     bytes_dropped: u64,
 }
 
-/// A paced line that has idled may send this much of its speed at once, microseconds.
+/// A paced line that was idle may send this much time's worth in one burst, microseconds.
 const BURST_MICROS: u64 = 2_000;
 
 impl Queue {
@@ -39,7 +39,7 @@ impl Queue {
         self.gone == self.bytes.len()
     }
 
-    /// Adds frames, as many as there is room for.
+    /// Adds as many frames as fit.
     pub(super) fn push(&mut self, frames: &[u8]) {
         let room = self.limit.saturating_sub(self.bytes.len() - self.gone);
         let fits = if frames.len() <= room {
@@ -63,7 +63,7 @@ impl Queue {
         &waiting[..waiting.len().min((self.credit / 1_000_000) as usize)]
     }
 
-    /// So many bytes went out.
+    /// Records that `count` bytes went out.
     pub(super) fn sent(&mut self, count: usize) {
         self.gone = (self.gone + count).min(self.bytes.len());
         self.bytes_sent += count as u64;
@@ -77,7 +77,7 @@ impl Queue {
         }
     }
 
-    /// Nobody is there to take them.
+    /// Drops everything because nobody is connected.
     pub(super) fn discard(&mut self) {
         let bytes = std::mem::take(&mut self.bytes);
         self.count_dropped(bytes.len() - self.gone, &bytes[self.gone..]);
@@ -91,7 +91,7 @@ impl Queue {
 
     fn count_dropped(&mut self, count: usize, bytes: &[u8]) {
         self.bytes_dropped += count as u64;
-        // Every frame ends with the delimiter, which stands nowhere else.
+        // Every frame ends with the delimiter, which occurs nowhere else.
         self.frames_dropped += bytes.split(|&byte| byte == 0).count().saturating_sub(1) as u64;
     }
 }

@@ -6,7 +6,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
-use super::Port;
+use super::port::Port;
 
 #[derive(Debug)]
 pub(super) struct Socket {
@@ -26,7 +26,7 @@ impl Socket {
     }
 
     fn accept(&mut self) {
-        // A connection that breaks while it is being accepted is as good as none.
+        // A connection that breaks while it is being accepted is simply ignored.
         if let Ok((stream, _)) = self.listener.accept()
             && stream.set_nonblocking(true).is_ok()
             && stream.set_nodelay(true).is_ok()
@@ -50,7 +50,7 @@ impl Port for Socket {
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Option<usize>> {
         let Some(host) = &mut self.host else { return Ok(None) };
-        // A host that went away is no error of ours: the next one may come.
+        // A host that went away is not our error: the next one may come.
         let sent = write_some(host, bytes).ok();
         if sent.is_none() {
             self.host = None;
@@ -72,9 +72,9 @@ impl Port for Socket {
     }
 }
 
-/// Appends all that can be read without waiting; `false` at the end of the stream.
+/// Appends everything that can be read without waiting; `false` at the end of the stream.
 pub(super) fn read_all(from: &mut impl Read, bytes: &mut Vec<u8>) -> io::Result<bool> {
-    /// What one step hears at most; the rest waits for the next.
+    /// Most bytes received in one step; the rest waits for the next.
     const MOST: usize = 64 * 1024;
     let mut chunk = [0; 4096];
     while bytes.len() < MOST {
@@ -89,7 +89,7 @@ pub(super) fn read_all(from: &mut impl Read, bytes: &mut Vec<u8>) -> io::Result<
     Ok(true)
 }
 
-/// Writes what goes without waiting; 0 if nothing does.
+/// Writes as much as possible without waiting; 0 if nothing can be written.
 pub(super) fn write_some(to: &mut impl Write, bytes: &[u8]) -> io::Result<usize> {
     match to.write(bytes) {
         Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(0),
@@ -97,7 +97,7 @@ pub(super) fn write_some(to: &mut impl Write, bytes: &[u8]) -> io::Result<usize>
     }
 }
 
-/// Sleeps until one of these can be read (or written, where wanted), or the time is over.
+/// Sleeps until one of these can be read (or written, if requested), or until the timeout.
 #[cfg(unix)]
 pub(super) fn wait_for(lines: &[(BorrowedFd<'_>, bool)], timeout: Duration) {
     use nix::poll::{PollFd, PollFlags};

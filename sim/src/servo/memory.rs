@@ -22,7 +22,7 @@ impl Memory {
         memory.bytes[at.id] = servo.id;
         memory.bytes[at.id + 1] = bauds.iter().position(|&known| known == baud).unwrap_or(0) as u8;
         memory.bytes[at.delay] = servo.return_delay_units;
-        // As left by whoever used it last.
+        // As the last user left it.
         memory.bytes[at.torque] = u8::from(servo.torque);
         if let Some(lock) = at.lock {
             memory.bytes[lock] = 1;
@@ -57,13 +57,13 @@ impl Memory {
         self.bytes.get(from..from + usize::from(length)).filter(|bytes| !bytes.is_empty()).map(<[u8]>::to_vec)
     }
 
-    /// Writes registers; returns whether that changed what is kept without power.
+    /// Writes registers; returns whether any value that survives power-off changed.
     pub(super) fn write(&mut self, address: u16, data: &[u8]) -> bool {
         let from = usize::from(address);
         let at = self.places();
         let keeps = from < at.ram;
         let locked = match at.lock {
-            // An unlocked Feetech servo keeps what is written, a locked one forgets it when it is switched off.
+            // An unlocked Feetech servo keeps what is written; a locked one forgets it when it is switched off.
             Some(lock) => self.bytes[lock] != 0,
             None => self.bytes[at.torque] != 0,
         };

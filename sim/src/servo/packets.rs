@@ -6,10 +6,10 @@ use super::settings::BusKind;
 pub(super) const BROADCAST: u8 = 0xFE;
 const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
 const STATUS: u8 = 0x55;
-/// Longest request that is waited for.
+/// Longest request that the bus waits for.
 const LONGEST: usize = 600;
 
-/// What a host asks for.
+/// A request from the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Request {
     Ping { id: u8 },
@@ -18,7 +18,7 @@ pub(super) enum Request {
     SyncRead { fast: bool, ids: Vec<u8>, address: u16, length: u16 },
 }
 
-/// Bytes from the host, until they are requests.
+/// Bytes from the host, collected into requests.
 #[derive(Clone, Debug)]
 pub(super) struct Requests {
     kind: BusKind,
@@ -38,7 +38,7 @@ impl Requests {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// The next whole request that these servos know.
+    /// The next complete request that these servos understand.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         loop {
             let header = self.kind.header();
@@ -95,7 +95,7 @@ impl BusKind {
         }
     }
 
-    /// Takes the stuffing out.
+    /// Removes the stuffing.
     fn plain(self, bytes: &[u8]) -> Vec<u8> {
         let mut plain: Vec<u8> = Vec::with_capacity(bytes.len());
         let mut run = 0;
@@ -167,7 +167,7 @@ pub(super) fn status(kind: BusKind, id: u8, error: u8, data: &[u8]) -> Vec<u8> {
     packet
 }
 
-/// What stands in front of the first servo's piece of a common answer.
+/// What comes before the first servo's piece of a combined answer.
 pub(super) fn fast_front(servos: usize, data_length: usize) -> Vec<u8> {
     let mut packet = HEADER.to_vec();
     packet.push(BROADCAST);
@@ -176,7 +176,7 @@ pub(super) fn fast_front(servos: usize, data_length: usize) -> Vec<u8> {
     packet
 }
 
-/// A servo's piece; its check is over all that stands before it.
+/// A servo's piece; its checksum covers everything before it.
 pub(super) fn add_fast_piece(packet: &mut Vec<u8>, id: u8, data: &[u8]) {
     packet.extend([0, id]);
     packet.extend_from_slice(data);

@@ -1,4 +1,4 @@
-//! What can be chosen about an emulated bus.
+//! Settings of an emulated bus.
 
 use std::f64::consts::TAU;
 
@@ -15,7 +15,7 @@ pub enum BusKind {
 }
 
 impl BusKind {
-    /// How a device's address names it.
+    /// Its scheme in a device address.
     pub const fn scheme(self) -> &'static str {
         match self {
             Self::Feetech => "feetech",
@@ -24,24 +24,24 @@ impl BusKind {
     }
 }
 
-/// One servo and how it is turned: to and fro about a middle.
+/// One servo and how it moves: back and forth about a middle position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedServo {
     /// Its number on the bus, 0 to 252.
     pub id: u8,
     /// Its model number.
     pub model: u16,
-    /// How long it waits before it answers, in units of 2 µs; 250 as it comes from the factory.
+    /// How long it waits before it answers, in units of 2 µs; 250 is the factory setting.
     pub return_delay_units: u8,
-    /// Whether its motor holds when the bus is switched on.
+    /// Whether its motor holds torque when the bus is switched on.
     pub torque: bool,
-    /// The middle of its motion, counts of 4,096 in a turn; may be outside of one turn.
+    /// The middle of its motion, counts of 4,096 per turn; may be outside one turn.
     pub middle_counts: f64,
-    /// How far it is turned to either side, counts.
+    /// How far it turns to either side, counts.
     pub swing_counts: f64,
-    /// How often in a second.
+    /// Swings per second.
     pub hertz: f64,
-    /// Where in its swing it begins, turns.
+    /// Where in its swing it starts, turns.
     pub phase: f64,
 }
 
@@ -69,24 +69,24 @@ impl SimulatedServo {
 /// What to emulate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ServoBusSettings {
-    /// The name of an arm, or whatever it is called.
+    /// The name of an arm, or any other name.
     pub name: String,
     /// Its wire format.
     pub kind: BusKind,
-    /// The speed that its servos are set to, bits a second.
+    /// The speed its servos are set to, bits per second.
     pub baud: u32,
     /// The servos, in the order of the cable.
     pub servos: Vec<SimulatedServo>,
-    /// Whether the adapter sends back what is written to it.
+    /// Whether the adapter echoes what is written to it.
     pub echo: bool,
-    /// Whether the servos know fast sync reads.
+    /// Whether the servos support fast sync reads.
     pub knows_fast_reads: bool,
-    /// For how long the adapter holds every byte back; FTDI's 16 ms is 16,000.
+    /// How long the adapter holds every byte back; FTDI's 16 ms is 16,000.
     pub adapter_latency_micros: u64,
-    /// Decides the motion of presets and all faults.
+    /// Seed for the motion of presets and all faults.
     pub seed: u64,
     /// What goes wrong. Sensors and parts are servos by their place on the cable; a servo with no data is missing, and
-    /// a part that is pulled takes all behind it along. Outliers, drift and restarts mean nothing here.
+    /// pulling out a part takes all behind it with it. Outliers, drift and restarts have no effect here.
     pub faults: Faults,
 }
 
@@ -98,11 +98,11 @@ pub enum ServoBusError {
         /// The name given.
         name: String,
     },
-    /// No servo, more than 253, or two with one number.
+    /// No servo, more than 253, or two with the same number.
     Servos,
     /// A speed of 0.
     Baud,
-    /// A chance that is none.
+    /// A chance outside 0 to 1.
     Chance {
         /// The number given.
         value: f64,
@@ -116,9 +116,9 @@ impl std::fmt::Display for ServoBusError {
                 let known: Vec<&str> = ARMS.iter().map(|arm| arm.0).collect();
                 write!(f, "there is no arm called {name:?}; choose one of {}", known.join(", "))
             }
-            Self::Servos => write!(f, "a bus needs 1 to 253 servos with numbers of their own from 0 to 252"),
+            Self::Servos => write!(f, "a bus needs 1 to 253 servos, each with its own number from 0 to 252"),
             Self::Baud => write!(f, "a line speed of 0 is not possible; choose 1 or more"),
-            Self::Chance { value } => write!(f, "{value} is no chance; choose 0 to 1"),
+            Self::Chance { value } => write!(f, "a chance of {value} is not possible; choose 0 to 1"),
         }
     }
 }
@@ -149,7 +149,7 @@ impl ServoBusSettings {
         }
     }
 
-    /// The names of the arms there are.
+    /// The names of the built-in arms.
     pub fn preset_names() -> impl Iterator<Item = &'static str> {
         ARMS.iter().map(|arm| arm.0)
     }

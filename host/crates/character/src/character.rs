@@ -1,39 +1,64 @@
-//! A mesh that follows a skeleton.
+//! Meshes that follow a skeleton.
 
-use armature_deform::{LinearBlendSkin, SkinError};
-use armature_formats::Texture;
+use std::sync::Arc;
+
+use armature_deform::skin::bones::BoneBinding;
+use armature_deform::skin::{LinearBlendSkin, SkinError};
+use armature_formats::model::{Material, MeshPart, MorphTarget, PartError, Skin, check_parts};
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::Skeleton;
+use glam::Affine3A;
 
-use crate::{BiharmonicTier, DomainKind};
+use crate::handle_weights::{BiharmonicTier, DomainKind};
 
-/// Everything needed to pose and draw a character. All arrays belong to `mesh`'s vertices; a vertex stands here once
-/// for every texture coordinate or normal it is drawn with.
+/// Everything needed to pose and draw a character.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Character {
-    /// For lists and exports.
+    /// Its name in lists and exports.
     pub name: String,
-    /// Rest shape in model space: right-handed, +Y up, looking along +Z, in its own unit.
-    pub mesh: TriangleMesh,
-    /// Unit rest normals, one a vertex.
-    pub normals: Vec<[f32; 3]>,
-    /// One a vertex; (0, 0) is the image's upper left corner.
-    pub texture_coordinates: Option<Vec<[f32; 2]>>,
-    /// Linear red, green, blue and opacity in 0..=1; multiplies the texture.
-    pub base_color: [f32; 4],
-    /// Base colour image, sRGB.
-    pub texture: Option<Texture>,
+    /// Everything per vertex and per triangle; shared by everything that skins, draws or solves it.
+    pub surface: Arc<Surface>,
+    /// The materials of its parts; materials share images.
+    pub materials: Vec<Material>,
     /// Bones in their rest pose, in model space.
     pub skeleton: Skeleton,
-    /// One row a vertex.
-    pub influences: Influences,
-    /// How the weights came about.
+    /// Poses, other than the skeleton's rest pose, in which parts were bound.
+    pub skins: Vec<Skin>,
+    /// How the weights were made.
     pub provenance: Provenance,
-    /// What was odd on the way, in sentences for the user.
+    /// What went wrong along the way, in sentences for the user.
     pub warnings: Vec<String>,
 }
 
-/// How a character's weights came about.
+/// All meshes of a character, one after the other. All arrays belong to `mesh`'s vertices; a vertex is listed once for
+/// each texture coordinate or normal it is drawn with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    /// Rest shape in model space: right-handed, +Y up, looking along +Z, in its own unit.
+    pub mesh: TriangleMesh,
+    /// Unit rest normals, one per vertex.
+    pub normals: Vec<[f32; 3]>,
+    /// One per vertex; (0, 0) is the image's upper left corner.
+    pub texture_coordinates: Option<Vec<[f32; 2]>>,
+    /// One per vertex: linear red, green, blue and opacity, which multiply the material's.
+    pub vertex_colors: Option<Vec<[f32; 4]>>,
+    /// One row per vertex.
+    pub influences: Influences,
+    /// The meshes, in order: at least one, and together the whole surface.
+    pub parts: Vec<MeshPart>,
+    /// Shapes that parts can be blended towards; the rest shape has them at their default weights.
+    pub morph_targets: Vec<MorphTarget>,
+}
+
+impl Surface {
+    /// The whole mesh as one part, drawn with the first material.
+    pub fn one_part(mesh: &TriangleMesh) -> MeshPart {
+        let (vertices, triangles) = (0..mesh.vertices.len() as u32, 0..mesh.triangles.len() as u32);
+        MeshPart { vertices, triangles, material: Some(0), ..MeshPart::default() }
+    }
+}
+
+/// How a character's weights were made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Provenance {
     /// Painted by an artist; they came with the model and were not touched.
@@ -63,39 +88,43 @@ impl Provenance {
     }
 }
 
-/// What bone heat was told, and how well it went.
+/// Bone heat's settings, and how well it went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatRecord {
     /// How strongly bones heat compared with how fast heat spreads (`c` of Baran and Popović).
     pub heat: f64,
-    /// Most influences a vertex may have.
+    /// The most influences a vertex may have.
     pub max_influences: usize,
     /// Largest relative residual of the linear systems.
     pub residual: f64,
-    /// Largest part of a vertex's weight that was dropped to keep within `max_influences`.
+    /// Largest fraction of a vertex's weight that was dropped to keep within `max_influences`.
     pub max_dropped: f64,
 }
 
 /// What bounded biharmonic weights were computed on, and the certificate of all of them together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BiharmonicRecord {
-    /// How good they had to be.
+    /// How accurate they had to be.
     pub tier: BiharmonicTier,
     /// What they were computed on.
     pub domain: DomainKind,
-    /// Vertices of that.
+    /// Its number of vertices.
     pub domain_vertices: usize,
-    /// Before normalising no weight is farther than this from the optimal one.
+    /// The fraction of their length over which bones were released from it at shared joints.
+    pub joint_release: f64,
+    /// Its elements that were ignored because they are flat; `None` in files that do not say.
+    pub flat_elements: Option<usize>,
+    /// No weight, before normalising, is farther than this from the optimal one.
     pub error_bound: f64,
-    /// The sum of the energies of all bones' weights; mesh unit to the power of the dimension less four.
+    /// The sum of the energies of all bones' weights; mesh unit to the power of the dimension minus four.
     pub energy: f64,
-    /// Bones whose weights are not as good as they had to be.
+    /// Bones whose weights are not as accurate as they had to be.
     pub unconverged: usize,
     /// Largest distance of a vertex's sum of weights from one, before normalising.
     pub largest_deviation: f64,
-    /// Most influences a vertex may have.
+    /// The most influences a vertex may have.
     pub max_influences: usize,
-    /// Largest part of a vertex's weight that was dropped to keep within `max_influences`.
+    /// Largest fraction of a vertex's weight that was dropped to keep within `max_influences`.
     pub max_dropped: f64,
     /// Mean of the same over all vertices.
     pub mean_dropped: f64,
@@ -104,16 +133,57 @@ pub struct BiharmonicRecord {
 impl Character {
     /// Rest positions for pose time, n×3.
     pub fn rest_positions(&self) -> Vec<[f32; 3]> {
-        self.mesh.vertices.iter().map(|p| p.map(|c| c as f32)).collect()
+        self.surface.mesh.vertices.iter().map(|p| p.map(|c| c as f32)).collect()
     }
 
-    /// The character made ready to be skinned every frame.
+    /// Checks that parts, materials, skins and morph targets fit together.
+    pub fn check_parts(&self) -> Result<(), PartError> {
+        let Surface { mesh, parts, morph_targets, .. } = &*self.surface;
+        let counts = [self.materials.len(), self.skins.len()];
+        check_parts(parts, morph_targets, mesh.vertices.len(), &mesh.triangles, counts)
+    }
+
+    /// The character prepared for skinning every frame.
     pub fn skin(&self) -> Result<LinearBlendSkin, SkinError> {
-        LinearBlendSkin::precompute(
-            &self.rest_positions(),
-            &self.normals,
-            &self.influences,
-            &self.skeleton.rest_model_from_bone(),
-        )
+        let Surface { normals, influences, parts, .. } = &*self.surface;
+        let (positions, rest) = (self.rest_positions(), self.skeleton.rest_model_from_bone());
+        if parts.iter().all(|part| part.skin.is_none()) {
+            return LinearBlendSkin::precompute(&positions, normals, influences, &rest);
+        }
+        let bindings = self.bindings(&rest)?;
+        let influences = self.influences_of_bindings(rest.len(), bindings.len())?;
+        LinearBlendSkin::precompute_bound(&positions, normals, &influences, &bindings, rest.len())
+    }
+
+    /// The bones in their rest pose, then those of each skin.
+    fn bindings(&self, rest: &[Affine3A]) -> Result<Vec<BoneBinding>, SkinError> {
+        let poses = std::iter::once(rest).chain(self.skins.iter().map(|skin| skin.bound_model_from_bone.as_slice()));
+        let mut bindings = Vec::with_capacity((1 + self.skins.len()) * rest.len());
+        for pose in poses {
+            if pose.len() != rest.len() {
+                return Err(SkinError::Length { what: "bones of a bind pose", got: pose.len(), expected: rest.len() });
+            }
+            let binding = |(bone, &rest_model_from_bone)| BoneBinding { bone, rest_model_from_bone };
+            bindings.extend((0..).zip(pose).map(binding));
+        }
+        Ok(bindings)
+    }
+
+    /// The influences with each part's bones renumbered to the bindings of its skin.
+    fn influences_of_bindings(&self, bones: usize, bindings: usize) -> Result<Influences, SkinError> {
+        let Surface { influences, parts, .. } = &*self.surface;
+        let (per_vertex, too_many) = (influences.per_vertex(), SkinError::TooManyBindings { bindings });
+        let mut slots = influences.bones().to_vec();
+        for part in parts {
+            let first = part.skin.map_or(0, |skin| (1 + skin as usize) * bones);
+            let vertices = part.vertices.start as usize..part.vertices.end as usize;
+            let expected = vertices.end;
+            let own = slots.get_mut(vertices.start * per_vertex..vertices.end * per_vertex);
+            let length = SkinError::Length { what: "rows of weights", got: influences.vertex_count(), expected };
+            for slot in own.ok_or(length)? {
+                *slot = u16::try_from(first + usize::from(*slot)).map_err(|_| too_many.clone())?;
+            }
+        }
+        Influences::restore(per_vertex, slots, influences.weights().to_vec(), bindings).map_err(|_| too_many)
     }
 }

@@ -7,7 +7,9 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::LazyLock;
 
-use armature_character::{BoneRole, Character, Comfort, IkError, InverseKinematics, PinnedBone, human};
+use armature_character::Character;
+use armature_character::inverse_kinematics::{BoneRole, Comfort, IkError, InverseKinematics, PinnedBone};
+use armature_character::own::human;
 use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, Skeleton};
 use glam::{Affine3A, Quat, Vec3};
 
@@ -29,7 +31,7 @@ thread_local! {
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
 }
 
-// SAFETY: every call is handed to the system allocator unchanged.
+// SAFETY: every call is passed to the system allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.with(|count| count.set(count.get() + 1));
@@ -93,7 +95,7 @@ fn who_does_what_in_a_human_of_eight_joints() {
     assert!(DRIVEN.iter().all(|name| role(name) == BoneRole::Driven));
     let rest = frames(&HUMAN.skeleton, &HUMAN.skeleton.rest_pose());
     for (is, was) in frames(&HUMAN.skeleton, &pose).iter().zip(rest) {
-        assert!(is.abs_diff_eq(was, 2e-3), "at rest nothing moves: {is} {was}");
+        assert!(is.abs_diff_eq(was, 2e-3), "at rest nothing may move: {is} {was}");
     }
 }
 
@@ -185,11 +187,11 @@ fn unknown_pins_are_named() {
 fn preparing_can_be_cancelled() {
     let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap();
     let driven: Vec<bool> = HUMAN.skeleton.bones().iter().map(|b| DRIVEN.contains(&b.name.as_str())).collect();
-    assert!(ik.drive(&driven, &mut |_| ControlFlow::Break(())).is_err());
+    assert!(ik.drive(&driven, &mut |_, _| ControlFlow::Break(())).is_err());
     assert!(!ik.is_needed() && ik.problem().is_some());
     let mut pose = puppet_pose(&HUMAN.skeleton, 1.0);
     ik.complete(&status(&HUMAN.skeleton), &mut pose);
-    assert_eq!(pose, puppet_pose(&HUMAN.skeleton, 1.0), "what cannot be solved is left as the joints made it");
+    assert_eq!(pose, puppet_pose(&HUMAN.skeleton, 1.0), "an unsolved pose stays as the joints made it");
 }
 
 #[test]

@@ -1,40 +1,42 @@
-//! The characters the program makes itself: closed, even triangles; bones inside; clean weights; the same each time.
+//! The characters that the program makes itself: closed, even triangles; bones inside; clean weights; always the same.
 
 #![expect(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use armature_character::{Character, Provenance, WeightsRecord, from_bytes, hand, human, spider, to_bytes};
-use armature_geometry::{connected_components, diagnose};
+use armature_character::cache::{from_bytes, to_bytes};
+use armature_character::own::{hand, human, spider};
+use armature_character::{Character, Provenance, WeightsRecord};
+use armature_geometry::surface::{connected_components, diagnose};
 use glam::{DVec3, Vec3};
 
 static ALL: LazyLock<[Character; 3]> = LazyLock::new(|| [human().unwrap(), spider().unwrap(), hand().unwrap()]);
 
 fn weight(character: &Character, vertex: usize, bone: &str) -> f32 {
     let bone = character.skeleton.find(bone).unwrap_or_else(|| panic!("there is no bone {bone}"));
-    character.influences.of_vertex(vertex).find(|(b, _)| usize::from(*b) == bone).map_or(0.0, |(_, w)| w)
+    character.surface.influences.of_vertex(vertex).find(|(b, _)| usize::from(*b) == bone).map_or(0.0, |(_, w)| w)
 }
 
 fn positions(character: &Character) -> impl Iterator<Item = (usize, DVec3)> + '_ {
-    character.mesh.vertices.iter().map(|p| DVec3::from(*p)).enumerate()
+    character.surface.mesh.vertices.iter().map(|p| DVec3::from(*p)).enumerate()
 }
 
 /// How often the surface winds around a point: 1 inside, 0 outside (solid angles of all triangles).
 fn winding(character: &Character, p: DVec3) -> f64 {
     let angle = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|v| DVec3::from(character.mesh.vertices[v as usize]) - p);
+        let [a, b, c] = t.map(|v| DVec3::from(character.surface.mesh.vertices[v as usize]) - p);
         let (la, lb, lc) = (a.length(), b.length(), c.length());
         let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
         2.0 * a.dot(b.cross(c)).atan2(below)
     };
-    character.mesh.triangles.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+    character.surface.mesh.triangles.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
 }
 
 #[test]
 fn each_is_one_closed_surface_without_handles() {
     for character in ALL.iter() {
-        let mesh = &character.mesh;
+        let mesh = &character.surface.mesh;
         let found = diagnose(mesh).unwrap();
         assert!(found.closed && found.signed_volume > 0.0, "{}: {found:?}", character.name);
         assert_eq!(found.euler_characteristic, 2, "{}", character.name);
@@ -50,13 +52,13 @@ fn triangles_are_well_shaped_and_normals_agree_with_them() {
     for character in ALL.iter() {
         let mut shapes = Vec::new();
         let (mut corners, mut against) = (0, 0);
-        for t in &character.mesh.triangles {
-            let [a, b, c] = t.map(|v| DVec3::from(character.mesh.vertices[v as usize]));
+        for t in &character.surface.mesh.triangles {
+            let [a, b, c] = t.map(|v| DVec3::from(character.surface.mesh.vertices[v as usize]));
             let area_2 = (b - a).cross(c - a);
             let squares = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
             shapes.push(2.0 * 3.0_f64.sqrt() * area_2.length() / squares);
             for &v in t {
-                let normal = Vec3::from(character.normals[v as usize]).as_dvec3();
+                let normal = Vec3::from(character.surface.normals[v as usize]).as_dvec3();
                 assert!((normal.length() - 1.0).abs() < 1e-5);
                 corners += 1;
                 against += usize::from(normal.dot(area_2.normalize()) < 0.1);
@@ -75,7 +77,7 @@ fn triangles_are_well_shaped_and_normals_agree_with_them() {
 fn each_stands_where_it_is_said_to_stand() {
     let [human, spider, hand] = &*ALL;
     let size = |c: &Character| {
-        let (low, high) = c.mesh.bounds().unwrap();
+        let (low, high) = c.surface.mesh.bounds().unwrap();
         (DVec3::from(low), DVec3::from(high))
     };
     let (low, high) = size(human);
@@ -107,9 +109,9 @@ fn bones_lie_inside() {
 fn every_bone_moves_something_and_weights_sum_to_one() {
     for character in ALL.iter() {
         let mut owned = vec![0.0_f64; character.skeleton.len()];
-        for vertex in 0..character.mesh.vertices.len() {
+        for vertex in 0..character.surface.mesh.vertices.len() {
             let mut sum = 0.0;
-            for (bone, weight) in character.influences.of_vertex(vertex) {
+            for (bone, weight) in character.surface.influences.of_vertex(vertex) {
                 sum += weight;
                 owned[usize::from(bone)] += f64::from(weight);
             }
@@ -145,11 +147,11 @@ fn human_and_spider_are_their_own_mirror_images() {
             // Zero has a sign.
             let image = if p.x == 0.0 { p } else { DVec3::new(-p.x, p.y, p.z) };
             let twin = at[&place(image)];
-            let n = Vec3::from(character.normals[vertex]);
-            assert!((n * Vec3::new(-1.0, 1.0, 1.0)).distance(character.normals[twin].into()) < 1e-6);
-            for (bone, weight) in character.influences.of_vertex(vertex) {
+            let n = Vec3::from(character.surface.normals[vertex]);
+            assert!((n * Vec3::new(-1.0, 1.0, 1.0)).distance(character.surface.normals[twin].into()) < 1e-6);
+            for (bone, weight) in character.surface.influences.of_vertex(vertex) {
                 let image = mirror_bone[usize::from(bone)];
-                let there = character.influences.of_vertex(twin).find(|i| usize::from(i.0) == image);
+                let there = character.surface.influences.of_vertex(twin).find(|i| usize::from(i.0) == image);
                 let difference = (weight - there.map_or(0.0, |i| i.1)).abs();
                 assert!(difference < 1e-4, "{}: {p} differs by {difference}", character.name);
             }
@@ -165,7 +167,7 @@ fn a_finger_moves_no_other_finger() {
     for character in [human, hand] {
         let rest = character.skeleton.rest_segments();
         for own in fingers {
-            // Vertices nearest to the segments of this finger that stand free: the thumb's middle one lies in its web.
+            // Vertices nearest to the free segments of this finger; the thumb's middle one is inside its web.
             let free = if own == "Thumb" { 2 } else { 1 };
             let bones: Vec<usize> = (0..rest.len())
                 .filter(|&b| character.skeleton.bones()[b].name.starts_with(&format!("Left{own}")))

@@ -1,10 +1,10 @@
-//! The little dense algebra that switching constraints needs: matrices of about a hundred rows, in `f64`.
+//! The little dense algebra needed for switching constraints: matrices of about a hundred rows, in `f64`.
 #![expect(
     clippy::inline_always,
     reason = "a kernel is compiled for wide registers only where it is inlined into the dispatch"
 )]
 
-use crate::widest::{Kernel, widest};
+use crate::lanes::{Kernel, widest};
 
 /// A dense matrix, row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,7 +99,7 @@ impl Kernel for Product<'_> {
     }
 }
 
-/// Rows and columns of a product that stay in registers while the sums run.
+/// Rows and columns of a product that stay in registers during the sums.
 const TILE: [usize; 2] = [4, 8];
 
 #[inline(always)]
@@ -122,7 +122,7 @@ fn multiply_tile(a: &[f64], b: &[f64], first: usize, inner: usize, width: usize,
     }
 }
 
-/// What tiles leave: columns from `first` on.
+/// What the tiles leave over: columns from `first` on.
 #[inline(always)]
 fn multiply_rest(a: &[f64], b: &[f64], first: usize, inner: usize, width: usize, out: &mut [f64]) {
     for (a, out) in a.chunks_exact(inner).zip(out.chunks_exact_mut(width)) {
@@ -152,7 +152,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
-/// Three products with one row: three times the work on numbers that are read once. The same bits as [`dot`].
+/// Three products with one row: three times the work for numbers that are read once. The same bits as [`dot`].
 #[inline(always)]
 pub(crate) fn dot_three(row: &[f64], columns: [&[f64]; 3]) -> [f64; 3] {
     let (fours, rest) = row.as_chunks::<4>();
@@ -179,13 +179,13 @@ pub(crate) fn dot_three(row: &[f64], columns: [&[f64]; 3]) -> [f64; 3] {
 /// Equations `E x = p` split into what they fix and what they leave open.
 #[derive(Debug)]
 pub(crate) struct Elimination {
-    /// n×c: `x = particular · p` satisfies the equations, in the least-squares sense where they contradict.
+    /// n×c: `x = particular · p` satisfies the equations, in the least-squares sense if they contradict each other.
     pub(crate) particular: Dense,
-    /// k×n: orthonormal rows, what can be added to `x` without touching the equations.
+    /// k×n, orthonormal rows: what can be added to `x` without affecting the equations.
     pub(crate) open: Dense,
 }
 
-/// Relative size under which an equation counts as a combination of the others.
+/// Relative size below which an equation counts as a combination of the others.
 const DEPENDENT: f64 = 1e-9;
 
 /// Householder's QR decomposition of the transposed equations (c×n) with pivoting: finds the rank, a particular
@@ -272,7 +272,7 @@ pub(crate) struct PivotedCholesky {
     lower: Dense,
 }
 
-/// Stops at the rank: where no pivot exceeds `tolerance` times its own original diagonal entry. Diagonal entries up to
+/// Stops at the rank: when no pivot exceeds `tolerance` times its own original diagonal entry. Diagonal entries up to
 /// `floor` count as zero.
 pub(crate) fn pivoted_cholesky(matrix: &Dense, tolerance: f64, floor: f64) -> PivotedCholesky {
     let n = matrix.rows;

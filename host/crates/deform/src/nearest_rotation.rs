@@ -1,20 +1,23 @@
 //! Nearest rotations to eight 3×3 matrices at once.
+//!
+//! ```
+//! use armature_deform::nearest_rotation::{LANES, nearest_rotations};
+//!
+//! // Stretched along x, in every lane: the nearest rotation is the identity.
+//! let stretched = [[[3.0; LANES], [0.0; LANES], [0.0; LANES]], [[0.0; LANES], [1.0; LANES], [0.0; LANES]], [[0.0; LANES], [0.0; LANES], [1.0; LANES]]];
+//! let turned = nearest_rotations(&stretched);
+//! assert!((turned[0][0][0] - 1.0).abs() < 1e-6 && turned[1][0][0].abs() < 1e-6);
+//! ```
 #![expect(
     clippy::inline_always,
     reason = "a kernel is compiled for wide registers only where it is inlined into the dispatch"
 )]
 
-use crate::widest::{Kernel, widest};
+use crate::lanes::{Kernel, Lane, widest};
+pub use crate::lanes::{LANES, Matrices};
 
-/// Matrices that go through the arithmetic side by side.
-pub const LANES: usize = 8;
-/// One number a lane.
-pub(crate) type Lane = [f32; LANES];
-/// Eight 3×3 matrices, `[row][column][lane]`.
-pub type Matrices = [[[f32; LANES]; 3]; 3];
-
-/// After this many squarings a relative gap of 1e-6 between the two largest eigenvalues, the least that `f32` tells
-/// from none, is resolved.
+/// With this many squarings, a relative gap of 1e-6 between the two largest eigenvalues, the smallest that `f32` can
+/// represent, is resolved.
 const SQUARINGS: usize = 21;
 /// A trace this close to one leaves no second eigenvector that `f32` would notice.
 const PURE: f32 = 1.0 - 2.0e-7;
@@ -23,10 +26,10 @@ const PURE: f32 = 1.0 - 2.0e-7;
 /// matrices at once.
 ///
 /// `matrices`: `[row][column][lane]`. The result is always a rotation, never a reflection: for `det S < 0` it is the
-/// best among the rotations, for a singular `S` one of the best, and the identity for a matrix of zeros or with an
-/// entry that is not finite. The error is about `f32::EPSILON · σ₁ / (σ₂ ± σ₃)`, as good as the question is posed:
-/// nothing is squared on the way to the unit quaternion, which is the dominant eigenvector of a symmetric 4×4 matrix
-/// linear in `S` (Horn 1987), found by repeated squaring.
+/// best of the rotations, for a singular `S` one of the best, and the identity for a zero matrix or one with an entry
+/// that is not finite. The error is about `f32::EPSILON · σ₁ / (σ₂ ± σ₃)`, as good as the conditioning allows: nothing
+/// is squared on the way to the unit quaternion, which is the dominant eigenvector of a symmetric 4×4 matrix linear in
+/// `S` (Horn 1987), found by repeated squaring.
 pub fn nearest_rotations(matrices: &Matrices) -> Matrices {
     widest(Nearest(matrices))
 }
@@ -52,7 +55,7 @@ pub(crate) fn nearest_rotations_inlined(matrices: &Matrices) -> Matrices {
         let purity = square(&mut power);
         let mut all_pure = true;
         for l in 0..LANES {
-            // Lanes that are not finite are sorted out at the end and hold up nobody.
+            // Lanes that are not finite are sorted out at the end and delay no other.
             all_pure &= purity[l] > PURE || purity[l].is_nan();
         }
         if all_pure {
@@ -73,14 +76,15 @@ fn horn_matrix(m: &Matrices) -> Symmetric {
                 largest = largest.max(entry[l].abs());
             }
         }
-        // NaN passes `max` unseen and reaches the result through the entries.
+        // NaN passes `max` unnoticed and reaches the result through the entries.
         let shrink = 1.0 / largest.max(1e-37);
         let at = |row: usize, column: usize| m[row][column][l] * shrink;
         let (xx, xy, xz) = (at(0, 0), at(0, 1), at(0, 2));
         let (yx, yy, yz) = (at(1, 0), at(1, 1), at(1, 2));
         let (zx, zy, zz) = (at(2, 0), at(2, 1), at(2, 2));
         let squared = xx * xx + xy * xy + xz * xz + yx * yx + yy * yy + yz * yz + zx * zx + zy * zy + zz * zz;
-        // The Frobenius norm: the eigenvalues of Horn's matrix lie in ±√3 of it. The floor makes zeros the identity.
+        // The Frobenius norm: the eigenvalues of Horn's matrix are within ±√3 of it. The floor turns zeros into the
+        // identity.
         let shift = squared.sqrt().max(1e-30);
         let unit = 0.25 / shift;
         out[0][l] = (shift + xx + yy + zz) * unit;
@@ -149,7 +153,7 @@ fn dominant(p: &Symmetric) -> [Lane; 4] {
         take(p[9][l], [p[3][l], p[6][l], p[8][l], p[9][l]]);
         let squared = w * w + x * x + y * y + z * z;
         let unit = 1.0 / squared.sqrt();
-        // Trace one leaves at least a quarter to the largest entry; anything else is not a number.
+        // With trace one the largest entry is at least a quarter; anything else is NaN.
         let sane = squared > 0.01;
         out[0][l] = if sane { w * unit } else { 1.0 };
         out[1][l] = if sane { x * unit } else { 0.0 };

@@ -38,7 +38,7 @@ fn unpack(matrices: &Matrices, lane: usize) -> DMat3 {
     DMat3::from_cols(column(0), column(1), column(2))
 }
 
-/// The definition, in f64: from a singular value decomposition, the last direction turned where that avoids a
+/// The definition, in f64: from a singular value decomposition, with the last direction flipped where that avoids a
 /// reflection. Also the singular values, the smallest with the sign of the determinant.
 fn by_decomposition(m: &DMat3) -> (DMat3, [f64; 3]) {
     let svd = Mat::from_fn(3, 3, |r, c| entry(m, r, c)).svd().unwrap();
@@ -69,7 +69,7 @@ fn check(matrices: &[DMat3]) {
         let packed = pack(chunk);
         let found = nearest_rotations(&packed);
         for lane in 0..chunk.len() {
-            // The question as it was asked, in f32.
+            // The input as rounded to f32.
             let asked = unpack(&packed, lane);
             let rotation = unpack(&found, lane);
             assert!(distance(&(rotation * rotation.transpose()), &DMat3::IDENTITY) < 2e-6, "{asked}");

@@ -1,15 +1,27 @@
-//! Rotations of point handles that are only moved (thesis section 4.3.4, "Specifying handle transforms").
+//! Rotations of point handles that are only translated (thesis section 4.3.4, "Specifying handle transforms").
 //!
-//! A user connects point handles by pseudo-edges. When handles move, each turns by the average of the smallest
-//! rotations that take its edges from where they point at rest to where they point now. Quick and predictable; what the
-//! shape itself would rather do, [`ReducedArap`](crate::ReducedArap) finds.
+//! The user connects point handles by pseudo-edges. When handles move, each turns by the average of the smallest
+//! rotations that take its edges from their rest directions to their current ones. Fast and predictable;
+//! [`ReducedArap`](crate::arap::ReducedArap) finds what the shape itself would do.
+//!
+//! ```
+//! use armature_deform::pseudo_edges::{PseudoEdgeSpace, PseudoEdges};
+//! use glam::{Affine3A, Vec3};
+//!
+//! // One of two handles moves: both turn as the edge between them does.
+//! let mut edges = PseudoEdges::new(&[Vec3::ZERO, Vec3::X], &[[0, 1]], PseudoEdgeSpace::Plane)?;
+//! let mut transforms = [Affine3A::IDENTITY; 2];
+//! edges.transforms(&[Vec3::ZERO, Vec3::Y], &mut transforms)?;
+//! assert!(transforms[0].transform_vector3(Vec3::X).distance(Vec3::Y) < 1e-6);
+//! # Ok::<(), armature_deform::pseudo_edges::PseudoEdgeError>(())
+//! ```
 
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 
 /// Where handles move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PseudoEdgeSpace {
-    /// In the plane of x and y (z is not read): rotations are averaged as signed angles.
+    /// In the plane of x and y (z is ignored): rotations are averaged as signed angles.
     Plane,
     /// In space: rotations are averaged as quaternions.
     Space,
@@ -21,25 +33,25 @@ pub struct PseudoEdges {
     rest: Vec<DVec3>,
     edges: Vec<[usize; 2]>,
     space: PseudoEdgeSpace,
-    /// Of each handle the sum over its edges: of angles (in `w`), or of quaternions. And how many edges counted.
+    /// For each handle, the sum over its edges of angles (in `w`) or quaternions, and how many edges counted.
     sums: Vec<(DQuat, u32)>,
 }
 
-/// Why pseudo-edges tell no rotations.
+/// Why pseudo-edges give no rotations.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PseudoEdgeError {
-    /// Two arrays that have to agree in length do not.
+    /// Two arrays that must have matching lengths do not.
     #[error("{what}: {got} given, {expected} needed")]
     Length {
         /// Which array.
         what: &'static str,
         /// Its length.
         got: usize,
-        /// The length it has to have.
+        /// The length it must have.
         expected: usize,
     },
-    /// An edge names a handle that is not there.
-    #[error("pseudo-edge {edge} names handle {handle}, but there are only {handle_count} handles")]
+    /// An edge refers to a handle that does not exist.
+    #[error("pseudo-edge {edge} refers to handle {handle}, but there are only {handle_count} handles")]
     HandleOutOfRange {
         /// Zero-based edge.
         edge: usize,
@@ -74,13 +86,13 @@ impl PseudoEdges {
         })
     }
 
-    /// Writes each handle's `model_from_rest`: turned about its own point, which goes where `posed` (m×3) says.
+    /// Writes each handle's `model_from_rest`: rotated about its own point, which moves to its place in `posed` (m×3).
     ///
-    /// Edges without a length at rest or now tell nothing; a handle without an edge that tells keeps its rotation. An
-    /// edge that is turned right round turns about an axis across it that depends on the edge alone. Allocates nothing.
+    /// Edges that have no length, at rest or now, are ignored; a handle without any other edge keeps its rotation. An
+    /// edge that is reversed turns about a perpendicular axis that depends only on the edge. Allocates nothing.
     pub fn transforms(&mut self, posed: &[Vec3], out: &mut [Affine3A]) -> Result<(), PseudoEdgeError> {
         let expected = self.rest.len();
-        for (what, got) in [("posed handles", posed.len()), ("room for transforms", out.len())] {
+        for (what, got) in [("posed handles", posed.len()), ("output transforms", out.len())] {
             if got != expected {
                 return Err(PseudoEdgeError::Length { what, got, expected });
             }
@@ -106,7 +118,7 @@ impl PseudoEdges {
                 _ if *count == 0 => DQuat::IDENTITY,
                 PseudoEdgeSpace::Plane => DQuat::from_rotation_z(sum.w / f64::from(*count)),
                 PseudoEdgeSpace::Space if sum.length() > 1e-9 => sum.normalize(),
-                // Opposite half turns: nothing is between them.
+                // Opposite half turns have no average.
                 PseudoEdgeSpace::Space => DQuat::IDENTITY,
             };
             let moved = DAffine3::from_rotation_translation(turn, posed.as_dvec3() - turn * *rest);
@@ -135,7 +147,7 @@ fn signed_angle(from: DVec3, to: DVec3) -> Option<f64> {
 /// Its scalar part is never negative, so that such rotations can be added.
 fn smallest_rotation(from: DVec3, to: DVec3) -> Option<DQuat> {
     let (from, to) = (from.try_normalize()?, to.try_normalize()?);
-    // Half way between the two, or across where they are opposite.
+    // Halfway between the two, or perpendicular if they are opposite.
     let half = (from + to).try_normalize().filter(|_| from.dot(to) > -1.0 + 1e-12);
     let half = half.unwrap_or_else(|| from.any_orthonormal_vector());
     let axis = from.cross(half);
@@ -226,9 +238,9 @@ mod tests {
         for space in [PseudoEdgeSpace::Plane, PseudoEdgeSpace::Space] {
             let transforms = solved(&rest, &edges, &posed, space);
             assert!(transforms.iter().all(Affine3A::is_finite));
-            // Right round.
+            // Reversed.
             assert!(transforms[1].matrix3.x_axis.abs_diff_eq(glam::Vec3A::NEG_X, 1e-6), "{space:?}");
-            // No edge of its own.
+            // Without an edge of its own.
             assert!(transforms[4].matrix3.abs_diff_eq(glam::Mat3A::IDENTITY, 1e-9));
             assert_eq!(transforms[4].translation, Vec3::new(0.0, -1.0, 1.0).into());
         }

@@ -1,4 +1,4 @@
-//! With every vertex its own handle, reduced deformation is the full one: against shapes that libigl deformed.
+//! With every vertex its own handle, reduced deformation is the full method: compared with shapes deformed by libigl.
 //!
 //! `libigl/arap.py` made the fixtures: vertices at rest (v), elements (e), held vertices and where they go (h), and
 //! where libigl's `arap_solve` took all of them (p).
@@ -7,7 +7,7 @@
 
 use std::ops::ControlFlow;
 
-use armature_deform::{ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap};
+use armature_deform::arap::{ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap};
 use glam::{Affine3A, DVec3, Vec3};
 
 struct Fixture<const K: usize> {
@@ -42,7 +42,7 @@ fn apart<const K: usize>(fixture: &Fixture<K>, energy: ArapEnergy) -> f64 {
     let shape =
         ArapShape { positions: &fixture.rest, energy, weights: &weights, handle_points: &fixture.rest, joints: &[] };
     let settings = ArapSettings { clusters: Some(usize::MAX), ..ArapSettings::default() };
-    let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     let mut kinds = vec![HandleConstraint::Free; n];
     let mut targets = vec![Affine3A::IDENTITY; n];
     for &(vertex, to) in &fixture.held {

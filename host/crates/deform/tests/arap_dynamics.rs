@@ -1,4 +1,4 @@
-//! Momentum and gravity in the reduced solve: against libigl's implicit steps, and what every motion has to obey.
+//! Momentum and gravity in the reduced solve: against libigl's implicit steps, and laws that every motion must obey.
 
 #![expect(clippy::unwrap_used, reason = "a test may fail by panic")]
 
@@ -6,7 +6,7 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_deform::{
+use armature_deform::arap::{
     ArapDynamics, ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
 };
 use glam::{Affine3A, DVec3, Quat, Vec3};
@@ -54,7 +54,7 @@ impl Swing {
             joints: &[],
         };
         let settings = ArapSettings { clusters: Some(usize::MAX), ..ArapSettings::default() };
-        let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+        let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
         let mut kinds = vec![Free; n];
         self.held.iter().for_each(|&vertex| kinds[vertex] = Position);
         arap.constrain(&kinds, &[]).unwrap();
@@ -67,7 +67,7 @@ impl Swing {
         0.5 * high.distance(low)
     }
 
-    /// libigl weighs mass by `1 / ym` against its energy, which knows no units: ours is for mass one and size one.
+    /// libigl weights mass by `1 / ym` relative to its energy, which has no units: ours is for mass one and size one.
     fn dynamics(&self) -> ArapDynamics {
         let volume = masses(&self.rest, &self.tetrahedra).1;
         let (ym, length) = (self.numbers[0], self.numbers[1]);
@@ -150,7 +150,7 @@ impl Bar {
             joints: &[],
         };
         let settings = ArapSettings::default();
-        let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+        let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
         arap.constrain(kinds, &[]).unwrap();
         arap
     }
@@ -174,12 +174,12 @@ fn what_nothing_holds_falls_freely() {
         assert_eq!(report.warnings.undetermined, 0);
         assert!(report.energy.abs() < 1e-4, "{report:?}");
     }
-    // The sum of an implicit step's falls: 1 + 2 + … times g h².
+    // The sum of the distances fallen in each implicit step: 1 + 2 + … times g h².
     let fall = gravity.as_dvec3() * (length * length * 60.0 * 61.0 / 2.0);
     for (at, rest) in bar.posed(&arap).iter().zip(&bar.positions) {
         assert!(at.distance(DVec3::from(*rest) + fall) < 1e-3, "{at} {rest:?} {fall}");
     }
-    // Damped, it reaches the speed at which as much is lost as gravity adds.
+    // Damped, it reaches the speed at which damping takes as much as gravity adds.
     let damped = ArapDynamics { damping: 5.0, ..dynamics };
     let mut last = bar.posed(&arap)[0];
     for _ in 0..400 {
@@ -202,7 +202,7 @@ fn undamped_motion_gains_no_energy() {
         let mut arap = bar.arap(&[Full, Free, Free, Free, Free]);
         let gravity = Vec3::new(0.0, -10.0, 0.0);
         let dynamics = ArapDynamics { stiffness: 300.0, damping: 0.0, gravity };
-        // A frame time is rounded to one of a few steps; this one is kept as it is.
+        // A frame time is rounded to one of a few steps; this one is exactly one of them.
         let length = 1.04_f64.powf((f64::ln(frame) / 1.04_f64.ln()).round());
         let (mut before, mut total, mut lowest) = (bar.posed(&arap), 0.0_f64, 0.0_f64);
         for step in 0..200 {
@@ -218,7 +218,7 @@ fn undamped_motion_gains_no_energy() {
             lowest = lowest.min(now[now.len() - 1].y - bar.positions[now.len() - 1][1]);
             before = now;
         }
-        assert!(lowest < -0.3, "it moved: {lowest}");
+        assert!(lowest < -0.3, "it must move: {lowest}");
     }
 }
 
@@ -234,7 +234,7 @@ fn any_frame_time_is_survived_and_a_solve_stops_the_motion() {
         assert!(report.energy.is_finite());
         let far = bar.posed(&arap).iter().fold(0.0_f64, |far, p| far.max(p.length()));
         assert!(far < 100.0, "frame {number} of {seconds} s: {far}");
-        // What is given is followed at once.
+        // Given parts follow at once.
         assert!((arap.transforms()[0].matrix3.x_axis - turn.matrix3.x_axis).abs().max_element() < 1e-5);
     }
     let targets = [Affine3A::IDENTITY; 5];

@@ -6,7 +6,7 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_deform::{
+use armature_deform::arap::{
     Anchor, ArapEnergy, ArapError, ArapOutcome, ArapSettings, ArapShape, ArapStop, HandleConstraint, MOST_CLUSTERS,
     ReducedArap, SharedJoint,
 };
@@ -16,7 +16,7 @@ use support::{Dice, bar, boundary, hand, hand_weights, middle_of_handles, smooth
 use HandleConstraint::{Free, Full, Orientation, Position};
 
 fn precompute(shape: &ArapShape) -> ReducedArap {
-    ReducedArap::precompute(shape, &ArapSettings::default(), &mut |_| ControlFlow::Continue(())).unwrap()
+    ReducedArap::precompute(shape, &ArapSettings::default(), &mut |_, _| ControlFlow::Continue(())).unwrap()
 }
 
 fn rotation(dice: &mut Dice) -> Quat {
@@ -258,7 +258,7 @@ fn with_every_vertex_a_handle_it_is_the_full_method() {
         joints: &[],
     };
     let settings = ArapSettings { clusters: Some(usize::MAX), ..ArapSettings::default() };
-    let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     assert_eq!(arap.cluster_count(), tetrahedra.len());
     let mut kinds = vec![Free; n];
     let mut targets = vec![Affine3A::IDENTITY; n];
@@ -282,8 +282,8 @@ fn with_every_vertex_a_handle_it_is_the_full_method() {
 
 #[test]
 fn a_hand_is_posed_by_its_finger_tips() {
-    let (positions, tetrahedra) = hand();
-    let weights = hand_weights();
+    let (Some(hand), Some(weights)) = (hand(), hand_weights()) else { return };
+    let (positions, tetrahedra) = (hand.vertices, hand.tetrahedra);
     let points = middle_of_handles(&positions, &weights, 20);
     let shape = ArapShape {
         positions: &positions,
@@ -323,7 +323,7 @@ fn under_constrained_shapes_stay_where_they_are_and_say_so() {
     assert!(report.energy.abs() < 1e-6);
     let posed = blend(&bar.positions, &bar.weights, arap.transforms());
     assert!(posed.iter().zip(&bar.positions).all(|(a, b)| a.distance(DVec3::from(*b)) < 1e-4));
-    // Only turned: the whole turns about its own middle.
+    // Only rotated: everything turns about its own centre.
     arap.constrain(&[Orientation; 5], &[]).unwrap();
     let turn = Affine3A::from_quat(Quat::from_rotation_z(1.0));
     let report = arap.solve(&[turn; 5], &[], ArapStop { iterations: 50, tolerance: 0.0 }).unwrap();
@@ -339,7 +339,7 @@ fn under_constrained_shapes_stay_where_they_are_and_say_so() {
 fn separate_pieces_and_handles_without_weight_are_no_harm() {
     let bar = five_handles();
     let n = bar.positions.len();
-    // Two pieces, each with a handle of its own, and a handle that nothing follows.
+    // Two pieces, each with its own handle, and a handle that nothing follows.
     let mut positions = bar.positions.clone();
     positions.extend(bar.positions.iter().map(|p| [p[0], p[1] + 5.0, p[2]]));
     let mut tetrahedra = bar.tetrahedra.clone();
@@ -389,7 +389,7 @@ fn hostile_targets_and_shapes_are_survived() {
     let report = arap.solve(&targets, &[Vec3::ZERO, Vec3::X], ArapStop::default()).unwrap();
     assert!(report.warnings.contradiction.is_some_and(|d| (d - 0.5).abs() < 1e-3), "{report:?}");
     assert!(finite(&arap));
-    // Shapes without volume, flat, and a point.
+    // Shapes without volume: flat, and a point.
     for flatten in [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0; 3]] {
         let flat: Vec<[f64; 3]> = bar.positions.iter().map(|p| [0, 1, 2].map(|a| p[a] * flatten[a])).collect();
         for energy in [ArapEnergy::Tetrahedra(&bar.tetrahedra), ArapEnergy::SpokesAndRims(&bar.surface)] {
@@ -398,7 +398,7 @@ fn hostile_targets_and_shapes_are_survived() {
             let report = arap.solve(&targets, &[], ArapStop::default()).unwrap();
             assert!(finite(&arap) && report.energy.is_finite(), "{report:?}");
             let named = arap.degenerate_elements() > 0 || report.warnings.undetermined > 0;
-            // A flat surface has area; that it is flat is nothing odd.
+            // A flat surface has area; being flat is nothing unusual.
             let flat_surface = flatten[1] > 0.0 && matches!(energy, ArapEnergy::SpokesAndRims(_));
             assert!(named || flat_surface, "{flatten:?} {report:?}");
         }
@@ -409,7 +409,7 @@ fn hostile_targets_and_shapes_are_survived() {
 fn nonsense_is_named() {
     let bar = five_handles();
     let attempt = |shape: &ArapShape| {
-        ReducedArap::precompute(shape, &ArapSettings::default(), &mut |_| ControlFlow::Continue(())).unwrap_err()
+        ReducedArap::precompute(shape, &ArapSettings::default(), &mut |_, _| ControlFlow::Continue(())).unwrap_err()
     };
     let mut weights = bar.weights.clone();
     weights[5 * 7..5 * 8].fill(0.0);
@@ -424,16 +424,16 @@ fn nonsense_is_named() {
         attempt(&ArapShape { energy: ArapEnergy::Spokes(&[]), ..bar.shape() }),
         ArapError::Empty { what: "elements" }
     );
-    // One rotation an element would take gigabytes: an error, and no attempt.
+    // One rotation per element would take gigabytes: an error, without trying.
     let many = bar.tetrahedra.repeat(20);
     let all = ArapSettings { clusters: Some(usize::MAX), ..ArapSettings::default() };
     let shape = ArapShape { energy: ArapEnergy::Tetrahedra(&many), ..bar.shape() };
-    let error = ReducedArap::precompute(&shape, &all, &mut |_| ControlFlow::Continue(())).unwrap_err();
+    let error = ReducedArap::precompute(&shape, &all, &mut |_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(many.len() > MOST_CLUSTERS && error == ArapError::TooManyClusters { clusters: many.len() }, "{error}");
     let joints = [SharedJoint { handles: [0, 5], point: [0.0; 3] }];
     let error = attempt(&ArapShape { joints: &joints, ..bar.shape() });
     assert_eq!(error, ArapError::HandleOutOfRange { joint: 0, handle: 5, handle_count: 5 });
-    let cancelled = ReducedArap::precompute(&bar.shape(), &ArapSettings::default(), &mut |_| ControlFlow::Break(()));
+    let cancelled = ReducedArap::precompute(&bar.shape(), &ArapSettings::default(), &mut |_, _| ControlFlow::Break(()));
     assert_eq!(cancelled.unwrap_err(), ArapError::Cancelled);
     let mut arap = precompute(&bar.shape());
     assert!(matches!(arap.constrain(&[Free; 4], &[]), Err(ArapError::Length { .. })));

@@ -7,7 +7,7 @@ mod support;
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
-use armature_deform::{
+use armature_deform::arap::{
     ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap, RotationLimit, SoftJoint,
 };
 use glam::{Affine3A, Mat3A, Quat, Vec3};
@@ -38,7 +38,7 @@ impl Bar {
             handle_points: &self.points,
             joints: &[],
         };
-        ReducedArap::precompute(&shape, &ArapSettings::default(), &mut |_| ControlFlow::Continue(())).unwrap()
+        ReducedArap::precompute(&shape, &ArapSettings::default(), &mut |_, _| ControlFlow::Continue(())).unwrap()
     }
 }
 
@@ -50,7 +50,7 @@ fn turn(dice: &mut Dice) -> Quat {
     Quat::from_xyzw(dice.roll() as f32, dice.roll() as f32, dice.roll() as f32, dice.roll() as f32).normalize()
 }
 
-/// How far two handles are turned against each other (radians).
+/// How far two handles are rotated relative to each other (radians).
 fn apart(arap: &ReducedArap, [a, b]: [usize; 2]) -> f64 {
     let turn = |handle: usize| Quat::from_mat3a(&arap.transforms()[handle].matrix3).normalize();
     f64::from(turn(a).angle_between(turn(b)))
@@ -104,7 +104,7 @@ fn the_energy_never_rises() {
 
 #[test]
 fn terms_are_those_of_the_formula() {
-    // With all handles given, only the terms themselves are left to find.
+    // With all handles given, only the terms themselves are left.
     let bar = five_handles();
     let mut arap = bar.precompute(ArapEnergy::Tetrahedra(&bar.tetrahedra));
     arap.constrain(&[Full; 5], &[]).unwrap();
@@ -130,7 +130,7 @@ fn terms_are_those_of_the_formula() {
         assert!((stiff - expected).abs() < 1e-4 * unit, "{stiff} {expected}");
         let limited = limit(0.5, 0.3, 2.0);
         let held = energy(&[SoftJoint { handles: [0, 1], stiffness: 0.0, limit: Some(limited) }]) - bare;
-        // What is too much is shared by both.
+        // The excess is shared by both.
         let share = 0.5 * (angle - if axis == Vec3::X { 0.3 } else { 0.5 }).max(0.0);
         let expected = 2.0 * 0.5 * 2.0 * unit * 4.0 * (1.0 - share.cos());
         assert!((held - expected).abs() < 1e-4 * unit, "{angle} {axis}: {held} {expected}");
@@ -198,7 +198,7 @@ fn nonsense_is_named() {
     }
     let stray = SoftJoint { handles: [0, 5], stiffness: 0.0, limit: None };
     assert_eq!(arap.soften(&[stray]), Err(ArapError::HandleOutOfRange { joint: 0, handle: 5, handle_count: 5 }));
-    // Without an axis, with both handles one, and without freedom: finite all the same.
+    // Without an axis, with the same handle twice, and without freedom: finite all the same.
     arap.soften(&[
         bad(RotationLimit { axis: [0.0; 3], ..good }),
         SoftJoint { handles: [2, 2], stiffness: 1.0, limit: Some(good) },
@@ -209,4 +209,25 @@ fn nonsense_is_named() {
     arap.constrain(&[Full, Orientation, Free, Free, Position], &[]).unwrap();
     let report = arap.solve(&[Affine3A::IDENTITY, far, far, far, far], &[], ArapStop::default()).unwrap();
     assert!(report.energy.is_finite() && arap.transforms().iter().all(Affine3A::is_finite));
+}
+
+#[test]
+fn a_handle_without_weight_is_decided_by_its_joint_and_undecided_again_without() {
+    let mut bar = five_handles();
+    for row in bar.weights.chunks_exact_mut(5) {
+        row[3] += std::mem::take(&mut row[4]);
+    }
+    let mut arap = bar.precompute(ArapEnergy::Tetrahedra(&bar.tetrahedra));
+    let constraints = [Full, Free, Free, Free, Free];
+    let targets = [Affine3A::from_rotation_x(0.3); 5];
+    let undetermined = |arap: &mut ReducedArap| {
+        let report = arap.solve(&targets, &[], ArapStop::default()).unwrap();
+        assert!(arap.transforms().iter().all(Affine3A::is_finite));
+        report.warnings.undetermined
+    };
+    arap.soften(&[SoftJoint { handles: [3, 4], stiffness: 1.0, limit: None }]).unwrap();
+    arap.constrain(&constraints, &[]).unwrap();
+    assert_eq!(undetermined(&mut arap), 3, "its translation");
+    arap.soften(&[]).unwrap();
+    assert_eq!(undetermined(&mut arap), 12, "all of it");
 }

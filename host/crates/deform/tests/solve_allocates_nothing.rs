@@ -1,4 +1,4 @@
-//! Pose time touches no allocator: counted, not believed.
+//! Pose time never touches the allocator: counted, not assumed.
 
 #![expect(clippy::unwrap_used, reason = "a test may fail by panic")]
 
@@ -7,20 +7,22 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use armature_deform::{
-    Anchor, ArapDynamics, ArapEnergy, ArapSettings, ArapShape, ArapStop, BoneBlend, BoneSegment, DualQuaternionSkin,
-    HandleConstraint, LinearBlendSkin, ReducedArap, StretchTwist, StretchTwistSkin,
+use armature_deform::arap::{
+    Anchor, ArapDynamics, ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
+};
+use armature_deform::skin::{
+    BoneBlend, BoneSegment, DualQuaternionSkin, LinearBlendSkin, StretchTwist, StretchTwistSkin,
 };
 use armature_geometry::Influences;
 use glam::{Affine3A, Quat, Vec3};
 
 struct Counting;
 
-/// Of all threads, the test harness's own among them.
+/// For all threads, including the test harness's own.
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 
 thread_local! {
-    /// Of this thread.
+    /// For this thread.
     static OWN: Cell<usize> = const { Cell::new(0) };
 }
 
@@ -29,7 +31,7 @@ fn count() {
     OWN.with(|own| own.set(own.get() + 1));
 }
 
-// SAFETY: every call is handed to the system allocator unchanged.
+// SAFETY: every call is passed to the system allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
@@ -49,7 +51,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Linear blend, dual quaternions, stretched and twisted bones; in this thread, and in all.
+/// Linear blending, dual quaternions, stretched and twisted bones; in this thread, and in all.
 fn allocations_of_a_hundred_solves(vertex_count: usize) -> [usize; 2] {
     let positions: Vec<[f32; 3]> = (0..vertex_count).map(|i| [i as f32 * 1e-3, 1.0, 0.5]).collect();
     let normals = vec![[0.0, 0.0, 1.0]; vertex_count];
@@ -93,7 +95,7 @@ fn allocations_of_a_hundred_reduced_solves() -> usize {
         handle_points: &[positions[0], positions[59]],
         joints: &[],
     };
-    let go_on = &mut |_| ControlFlow::Continue(());
+    let go_on = &mut |_, _| ControlFlow::Continue(());
     let mut arap = ReducedArap::precompute(&shape, &ArapSettings::default(), go_on).unwrap();
     let anchor = Anchor { vertices: [30, 31, 32], barycentric: [0.25, 0.5, 0.25] };
     arap.constrain(&[HandleConstraint::Full, HandleConstraint::Position], &[anchor]).unwrap();
@@ -119,7 +121,7 @@ fn allocations_of_a_hundred_reduced_solves() -> usize {
 fn solve_allocates_nothing() {
     assert_eq!(allocations_of_a_hundred_reduced_solves(), 0);
     assert_eq!(allocations_of_a_hundred_solves(10_000)[0], 0);
-    // With threads, only rayon's own queue of jobs may grow by a block now and then, not once a frame.
+    // With threads, only rayon's own job queue may grow by a block now and then, not once per frame.
     let [_, threaded] = allocations_of_a_hundred_solves(60_000);
     assert!(threaded <= 30, "{threaded} allocations in three hundred solves");
 }

@@ -1,33 +1,31 @@
-//! The tree of parts: put together from its messages, and checked.
+//! The tree of parts, checked.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use firmware_protocol::{MAX_SENSORS, TopologyChunk};
+use firmware_protocol::{MAX_SENSORS, PartKind, PartRecord as Part, PartUid};
 
-use crate::{Part, PartKind, PartUid};
-
-/// Parts that a puppet may have; far beyond any real one, and few enough to be checked in no time.
+/// Most parts a puppet may have; far beyond any real one, and few enough to be checked in no time.
 pub const MAX_PARTS: usize = 4_096;
 
-/// The tree of parts at one epoch.
+/// The tree of parts in one epoch.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Topology {
     /// Number of this state of the tree; samples carry it.
     pub epoch: u16,
     /// The parts, parents before children; the first is the root. A puppet may have none.
     pub parts: Vec<Part>,
-    /// Sensors of all parts together: the length of a sample. They are numbered part by part, inlet to outlet.
+    /// Number of sensors of all parts: the length of a sample. They are numbered part by part, inlet to outlet.
     pub sensor_count: usize,
 }
 
-/// Why a list of parts is no puppet.
+/// Why a list of parts is not a puppet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TopologyProblem {
     /// The first part has a parent.
     #[error("the first part is plugged into another one and so cannot be the root")]
     NoRoot,
-    /// Another part than the first has no parent.
-    #[error("part {part} is plugged into nothing, but only the first part may be the root")]
+    /// A part other than the first has no parent.
+    #[error("part {part} is not plugged into anything, but only the first part may be the root")]
     SecondRoot {
         /// Zero-based part.
         part: usize,
@@ -41,7 +39,7 @@ pub enum TopologyProblem {
         parent: usize,
     },
     /// An outlet that the parent does not have.
-    #[error("part {part} sits in outlet {outlet} of part {parent}, which has {outlet_count}")]
+    #[error("part {part} is in outlet {outlet} of part {parent}, which has {outlet_count} outlets")]
     NoSuchOutlet {
         /// Zero-based part.
         part: usize,
@@ -52,8 +50,8 @@ pub enum TopologyProblem {
         /// Outlets of the parent.
         outlet_count: u8,
     },
-    /// Two parts in one outlet.
-    #[error("part {part} sits in outlet {outlet} of part {parent}, where another part is already")]
+    /// Two parts in the same outlet.
+    #[error("part {part} is in outlet {outlet} of part {parent}, which is already taken")]
     OutletTaken {
         /// Zero-based part.
         part: usize,
@@ -62,7 +60,7 @@ pub enum TopologyProblem {
         /// The outlet it states.
         outlet: u8,
     },
-    /// Two parts with one number.
+    /// Two parts with the same number.
     #[error("two parts have the number {uid}")]
     DuplicateUid {
         /// The number.
@@ -80,22 +78,22 @@ pub enum TopologyProblem {
         /// The outlets it states.
         outlet_count: u8,
     },
-    /// A resolution that is none.
-    #[error("part {part} has {counts_per_turn} counts in a turn; 2 to 65536 are possible")]
+    /// An impossible resolution.
+    #[error("part {part} has {counts_per_turn} counts per turn; 2 to 65536 are possible")]
     BadResolution {
         /// Zero-based part.
         part: usize,
         /// What it states.
         counts_per_turn: u32,
     },
-    /// More parts than anybody can have plugged together.
+    /// More parts than anyone can have plugged together.
     #[error("it claims to have {part_count} parts; {MAX_PARTS} are possible")]
     TooManyParts {
         /// How many.
         part_count: usize,
     },
     /// More sensors than a sample holds.
-    #[error("the parts have {sensor_count} sensors together; a sample holds {MAX_SENSORS}")]
+    #[error("the parts have {sensor_count} sensors in total; a sample holds {MAX_SENSORS}")]
     TooManySensors {
         /// How many.
         sensor_count: usize,
@@ -157,37 +155,6 @@ fn check_shape(index: usize, part: &Part) -> Result<(), TopologyProblem> {
         return Err(TopologyProblem::BadResolution { part: index, counts_per_turn: part.counts_per_turn });
     }
     Ok(())
-}
-
-/// Puts the messages of one description together. What is missing of one answer may come with the next, so that a long
-/// tree gets through noise. Room is only taken for parts that have come.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Assembly {
-    epoch: u16,
-    part_count: u16,
-    parts: BTreeMap<u16, Part>,
-}
-
-impl Assembly {
-    /// Takes a message; returns the checked tree when it was the last one. Another epoch or length begins anew.
-    pub(crate) fn take(&mut self, chunk: &TopologyChunk<'_>) -> Option<Result<Topology, TopologyProblem>> {
-        let part_count = usize::from(chunk.part_count);
-        if part_count > MAX_PARTS {
-            // What it goes on to describe is not worth keeping.
-            *self = Self::default();
-            return Some(Err(TopologyProblem::TooManyParts { part_count }));
-        }
-        if (chunk.epoch, chunk.part_count) != (self.epoch, self.part_count) {
-            *self = Self { epoch: chunk.epoch, part_count: chunk.part_count, parts: BTreeMap::new() };
-        }
-        let numbered = (chunk.first_index..chunk.part_count).zip(chunk.records());
-        self.parts.extend(numbered);
-        if self.parts.len() < usize::from(self.part_count) {
-            return None;
-        }
-        let parts = std::mem::take(&mut self.parts).into_values().collect();
-        Some(Topology::new(self.epoch, parts))
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! The session against firmware in C on an emulated ARM board, over the serial port that the emulator gives it.
+//! The session with C firmware on an emulated ARM board, over the emulator's serial port.
 //!
 //! `firmware-protocol/reference-firmware/run` builds the firmware and runs this with `ARMATURE_FIRMWARE` set to it.
-//! `ARMATURE_REQUIRE_FIRMWARE` turns the skip without it into a failure.
+//! `ARMATURE_REQUIRE_FIRMWARE` makes it fail instead of skip without that.
 
 #![cfg(unix)]
 
@@ -12,14 +12,14 @@ use std::time::Duration;
 use armature_device::{Connection, DeviceAddress, Event, Sample, SensorState, SessionSettings, Topology, open};
 use tokio::runtime::Handle;
 
-/// An emulated board that has not begun to run.
+/// An emulated board that has not started to run.
 struct Board {
     emulator: Child,
     path: String,
 }
 
 impl Board {
-    /// `-S` holds the processor until it is told to go, so that no early byte is lost.
+    /// `-S` holds the processor until it is told to start, so that no early byte is lost.
     fn with(program: &std::ffi::OsStr) -> Self {
         let mut emulator = Command::new("qemu-system-arm")
             .args([
@@ -42,12 +42,12 @@ impl Board {
             .expect("qemu-system-arm runs");
         let mut said = BufReader::new(emulator.stdout.take().expect("its output")).lines();
         let path = loop {
-            let line = said.next().expect("the emulator says where its port is").expect("a line");
+            let line = said.next().expect("the emulator reports its port").expect("a line");
             if let Some((_, rest)) = line.split_once("char device redirected to ") {
                 break rest.split_whitespace().next().expect("a path").to_owned();
             }
         };
-        // The emulator stops if nobody takes what it says.
+        // The emulator stops if nobody reads its output.
         std::thread::spawn(move || said.for_each(drop));
         Self { emulator, path }
     }
@@ -65,7 +65,7 @@ impl Drop for Board {
     }
 }
 
-/// What the firmware's table says of a sensor: a sine of 64 steps of 16 ms, 1024 counts high, about a middle of its own.
+/// The firmware's table for a sensor: a sine of 64 steps of 16 ms, 1024 counts high, about its own middle.
 fn expected_count(part: usize, sensor: usize, device_micros: u64) -> f64 {
     let step = (device_micros as f64 / 16_000.0) + (part * 7 + sensor * 16) as f64;
     (part * 1_000) as f64 + 1_024.0 * (step * std::f64::consts::TAU / 64.0).sin()
@@ -80,12 +80,12 @@ fn assert_is_true(sample: &Sample, parts: &[usize]) {
         let expected = expected_count(part, sensor, sample.device_micros).rem_euclid(16_384.0);
         let apart = (f64::from(count) - expected).rem_euclid(16_384.0);
         let apart = apart.min(16_384.0 - apart);
-        // The table is straight between its steps and rounded to whole counts.
-        assert!(apart < 6.0, "part {part}, sensor {sensor}: {count} where {expected:.1} is right");
+        // The table is linear between its steps and rounded to whole counts.
+        assert!(apart < 6.0, "part {part}, sensor {sensor}: {count} instead of {expected:.1}");
     }
 }
 
-/// Which of the firmware's parts a tree holds, by the last byte of their numbers.
+/// Which of the firmware's parts a tree contains, by the last byte of their numbers.
 fn parts_of(topology: &Topology) -> Vec<usize> {
     topology.parts.iter().map(|part| usize::from(part.uid.0[11]) - 1).collect()
 }
@@ -93,7 +93,7 @@ fn parts_of(topology: &Topology) -> Vec<usize> {
 #[tokio::test]
 async fn the_reference_firmware_is_a_puppet() {
     let Some(program) = std::env::var_os("ARMATURE_FIRMWARE") else {
-        assert!(std::env::var_os("ARMATURE_REQUIRE_FIRMWARE").is_none(), "ARMATURE_FIRMWARE names no firmware");
+        assert!(std::env::var_os("ARMATURE_REQUIRE_FIRMWARE").is_none(), "ARMATURE_FIRMWARE is not set");
         println!("SKIPPED: run firmware-protocol/reference-firmware/run");
         return;
     };
@@ -135,10 +135,10 @@ async fn the_reference_firmware_is_a_puppet() {
         }
     }
     let seconds = (last - first.unwrap_or(0)) as f64 * 1e-6;
-    println!("{samples} samples in {seconds:.2} s of the board's time, {lost} left out, {trees} trees");
+    println!("{samples} samples in {seconds:.2} s of the board's time, {lost} skipped, {trees} trees");
     assert!(blinked && trees >= 4 && epochs.len() >= 4, "parts were pulled and plugged in while it streamed");
-    // A machine with other work may stop board or host for a while: then requests are repeated, and an answer that comes
-    // very late looks like a board that has begun anew. Nothing may be damaged or invented all the same.
+    // A busy machine may pause board or host for a while: then requests are repeated, and a very late answer looks like
+    // a board that has restarted. Still, nothing may be damaged or invented.
     let counters = connection.close().await;
     println!("{counters:?}");
     assert_eq!((counters.checksum_errors, counters.framing_errors, counters.malformed_messages), (0, 0, 0));

@@ -103,8 +103,8 @@ fn samples_of_an_epoch_that_is_never_described_are_named() {
 #[test]
 fn a_clock_that_runs_backwards_is_named_once_and_survived() {
     let mut world = World::new(puppet(3));
-    // A second of its clock, then a jump back by one, again and again.
-    world.device.clock_jumps_every = Some(50);
+    // Half a second of its clock, then a jump back by a second, again and again.
+    world.device.clock = |sequence, micros| 100_000_000 + micros - u64::from(sequence / 50) * 1_000_000;
     world.session.start(100_000);
     world.run(20_000);
     let problems = world.problems();
@@ -122,10 +122,88 @@ fn a_clock_that_runs_backwards_is_named_once_and_survived() {
             _ => {}
         }
     }
-    world.device.clock_jumps_every = None;
+    world.device.clock = |_, micros| 200_000_000 + micros;
     world.events.clear();
     world.run(30_000);
     assert!(world.problems().is_empty() && world.sample_sequences().len() > 2_900);
+}
+
+/// A stream of ten seconds at 100 Hz from a device with this clock, and its samples.
+fn with_clock(clock: fn(u32, u64) -> u64) -> (World, Vec<armature_device::Sample>) {
+    let mut world = World::new(puppet(3));
+    world.device.clock = clock;
+    world.session.start(100_000);
+    world.run(10_000);
+    let mut samples = Vec::new();
+    for event in &world.events {
+        if let Event::Sample(sample) = event {
+            samples.push(sample.clone());
+        }
+    }
+    (world, samples)
+}
+
+/// From the first to the last sample by their own times, seconds.
+fn lasted(samples: &[armature_device::Sample]) -> f64 {
+    (samples[samples.len() - 1].device_micros - samples[0].device_micros) as f64 * 1e-6
+}
+
+#[test]
+fn one_leap_of_the_clock_costs_its_sample_and_nothing_else() {
+    for clock in [
+        |sequence, micros| micros + if sequence == 500 { 1 << 32 } else { 0 },
+        |sequence, micros| micros + if sequence == 500 { 1 << 63 } else { 0 },
+    ] {
+        let (world, samples) = with_clock(clock);
+        assert!((lasted(&samples) - 9.9).abs() < 0.1, "{}", lasted(&samples));
+        assert!(samples.iter().all(|sample| sample.sequence != 500));
+        let counters = world.session.counters();
+        assert_eq!((counters.clock_faults, counters.lost_samples, counters.restarts), (1, 1, 0));
+        assert_eq!(world.lost(), 1, "the take hears of it too");
+        let leaps = world.events.iter().filter(|e| matches!(e, Event::Notice(DeviceNotice::ClockLeaps { .. })));
+        assert_eq!(leaps.count(), 1);
+    }
+}
+
+#[test]
+fn a_clock_that_stands_or_steps_back_is_named_and_times_are_rebuilt() {
+    let (stands, samples) = with_clock(|sequence, micros| if sequence < 100 { micros } else { 1_000_000 });
+    assert!((lasted(&samples) - 9.9).abs() < 0.1, "{}", lasted(&samples));
+    let notices = |world: &World| world.events.iter().filter(|e| matches!(e, Event::Notice(_))).count();
+    assert_eq!((notices(&stands), stands.session.counters().restarts, stands.lost()), (1, 0, 0));
+    assert!(stands.events.iter().any(|e| matches!(e, Event::Notice(DeviceNotice::ClockStands { .. }))));
+    let (back, samples) = with_clock(|sequence, micros| 5_000_000 + micros - if sequence < 500 { 0 } else { 900_000 });
+    assert!((lasted(&samples) - 9.9).abs() < 0.1, "{}", lasted(&samples));
+    assert_eq!((notices(&back), back.session.counters().restarts, back.lost()), (1, 0, 0));
+    assert!(back.events.iter().any(|e| matches!(e, Event::Notice(DeviceNotice::ClockStepsBack { .. }))));
+    let steps = samples.windows(2).map(|pair| pair[1].device_micros - pair[0].device_micros);
+    assert!(steps.into_iter().all(|step| step == 10_000));
+}
+
+#[test]
+fn what_cannot_be_used_is_reported_as_lost_just_as_it_is_counted() {
+    // A sample in a hundred has a sensor too many.
+    let mut world = World::new(puppet(3));
+    world.device.extra_sensor_every = Some(100);
+    world.session.start(100_000);
+    world.run(10_000);
+    let counters = world.session.counters();
+    assert!(counters.unusable_samples >= 9, "{counters:?}");
+    assert_eq!(world.lost(), counters.lost_samples);
+    // In mid-stream the tree becomes one that cannot be, until somebody puts it right.
+    let mut parts = puppet(3);
+    parts[2].parent = Some(2);
+    world.device.extra_sensor_every = None;
+    world.device.change_tree(parts);
+    world.run(5_000);
+    world.device.change_tree(puppet(3));
+    world.run(5_000);
+    // Those that still wait for their tree are given up with the device.
+    world.device.restart(world.now);
+    world.run(2_000);
+    let counters = world.session.counters();
+    assert!(counters.unusable_samples > 300, "{counters:?}");
+    assert_eq!(world.lost(), counters.lost_samples);
 }
 
 #[test]
@@ -135,7 +213,7 @@ fn a_rate_of_a_million_is_named_and_a_flood_fills_no_memory() {
     world.device.deaf_to = vec![message_type::TOPOLOGY_REQUEST];
     world.session.start(1_000_000_000);
     world.run(1);
-    // The tree comes, so that the stream is asked for; then it is another one, of which nobody tells.
+    // The tree arrives, so the stream is requested; then the tree changes without notice.
     world.device.deaf_to.clear();
     world.run(600);
     let notices: Vec<_> = world.events.iter().filter(|event| matches!(event, Event::Notice(_))).collect();
@@ -193,7 +271,7 @@ fn a_device_that_answers_at_the_wrong_speed_is_named_and_explained() {
         world.device.deaf_to = vec![message_type::HELLO_REQUEST];
         world.session.start(100_000);
         let mut line = WrongSpeed { sent: Vec::new(), ratio };
-        world.run_with(4_000, |bytes| line.hear(&bytes));
+        world.run_with(5_000, |bytes| line.hear(&bytes));
         let [DeviceProblem::Garbage { .. }] = world.problems()[..] else { panic!("{ratio}: {:?}", world.problems()) };
         let words = world.problems()[0].to_string();
         assert!(words.contains("the line speed is wrong") && words.contains("@BAUD"), "{words}");

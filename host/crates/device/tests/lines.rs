@@ -8,17 +8,18 @@ mod served;
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
-use armature_device::{Connection, DeviceAddress, DeviceProblem, Event, SessionSettings, memory, open};
+use armature_device::{Connection, DeviceAddress, DeviceNotice, DeviceProblem, Event, SessionSettings, memory, open};
 use common::{FakeDevice, puppet};
 use served::{Served, pseudo_terminal};
 use tokio::runtime::Handle;
 
-/// The next event that is no clock estimate.
+/// The next event that says something about the device.
 async fn next(connection: &mut Connection) -> Event {
     loop {
         let event = tokio::time::timeout(Duration::from_secs(20), connection.next()).await.expect("an event in time");
-        match event.expect("the connection stands") {
-            Event::Clock(_) => {}
+        match event.expect("the connection is open") {
+            // On a busy machine the device may take a second to answer.
+            Event::Clock(_) | Event::Notice(DeviceNotice::WaitsForStart) => {}
             event => return event,
         }
     }
@@ -66,7 +67,7 @@ async fn tcp_carries_a_session() {
     assert_eq!(counters.samples, u64::from(device.unplug().taken));
 }
 
-/// Time is virtual here: it moves on when all tasks wait.
+/// Time is virtual here: it advances when all tasks wait.
 #[tokio::test(start_paused = true)]
 async fn memory_carries_a_session_on_virtual_time() {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -105,7 +106,7 @@ async fn memory_carries_a_session_on_virtual_time() {
     assert_eq!((counters.lost_samples, counters.restarts), (0, 0));
 }
 
-/// The far end of a pseudo terminal that closes is read as 0 bytes for ever; that must end the connection.
+/// When the far end of a pseudo-terminal closes, reads return 0 bytes forever; that must end the connection.
 #[tokio::test]
 async fn an_unplugged_device_ends_the_connection() {
     let (master, slave, path) = pseudo_terminal();
@@ -178,7 +179,7 @@ async fn ports_that_cannot_be_opened_say_why() {
     let (_master, _slave, path) = pseudo_terminal();
     let address: DeviceAddress = format!("serial:{path}").parse().unwrap();
     let first = open(&address).await.unwrap();
-    // An administrator may open a port twice; the lock on it tells all the same.
+    // An administrator may open a port twice; its lock is detected all the same.
     assert_eq!(problem(&format!("serial:{path}")).await, DeviceProblem::PortBusy { port: path });
     drop(first);
 }

@@ -1,4 +1,4 @@
-//! Sessions with emulated arms on virtual time: the way it should go, how fast it goes, and everything that goes wrong.
+//! Sessions with emulated arms on virtual time: normal operation, its speed, and everything that can go wrong.
 
 mod arm;
 
@@ -32,7 +32,7 @@ fn every_arm_comes_up_freely_movable_and_tells_where_its_joints_are() {
         assert!(matches!(milestones[2..], [Event::RateGranted { .. }, Event::Started]), "{milestones:?}");
         let torque = if preset.protocol == ServoProtocol::Feetech { 40 } else { 64 };
         for servo in 0..preset.joints.len() {
-            assert_eq!(world.bus.register(servo, torque), Some(0), "{}: it holds no joint", preset.name);
+            assert_eq!(world.bus.register(servo, torque), Some(0), "{}: no joint is held", preset.name);
         }
         assert_eq!(world.bus.truth().eeprom_writes, 0);
         assert_eq!(world.bus.truth().bytes_at_wrong_speed, 0);
@@ -247,7 +247,7 @@ fn a_stuck_servo_repeats_itself_and_a_position_across_the_turn_wraps() {
     let held: Vec<u16> = world.samples().filter(|s| s.received.as_secs_f64() > 2.1).map(|s| s.counts[0]).collect();
     assert!(held.len() > 100 && held.iter().all(|&counts| counts == held[0]));
     assert!(world.samples().all(|sample| sample.counts.iter().all(|&counts| counts < 4_096)));
-    assert!(world.samples().all(|sample| sample.states[1] == SensorState::Ok), "wrapping is no jump");
+    assert!(world.samples().all(|sample| sample.states[1] == SensorState::Ok), "wrapping is not a jump");
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn stop_is_clean_and_start_works_again() {
     assert_eq!(world.bus.truth().requests, requests, "the bus is left alone");
     world.session.start(100_000);
     world.run(1.0);
-    assert_eq!(world.samples().filter(|sample| sample.sequence == 0).count(), 2, "numbers begin anew");
+    assert_eq!(world.samples().filter(|sample| sample.sequence == 0).count(), 2, "numbers start over");
     assert!(world.samples().last().is_some_and(|sample| sample.sequence > 80));
 }
 

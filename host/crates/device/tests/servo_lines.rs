@@ -40,7 +40,7 @@ impl Arm {
 
 async fn next(connection: &mut Connection) -> Event {
     let event = tokio::time::timeout(Duration::from_secs(30), connection.next()).await.expect("an event in time");
-    event.expect("the connection stands")
+    event.expect("the connection is open")
 }
 
 #[tokio::test]

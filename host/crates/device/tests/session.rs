@@ -5,8 +5,8 @@ mod common;
 use std::time::Duration;
 
 use armature_device::{
-    DeviceProblem, Event, PartKind, PartUid, RefusalReason, RequestKind, SensorState, Session, SessionSettings,
-    Topology, TopologyProblem,
+    DeviceNotice, DeviceProblem, Event, PartKind, PartUid, RefusalReason, RequestKind, SensorState, Session,
+    SessionSettings, Topology, TopologyProblem,
 };
 use common::{Noise, World, expected_count, part, puppet};
 use firmware_protocol::{HostMessage, message_type};
@@ -82,10 +82,34 @@ fn the_rate_can_change_in_mid_stream_and_is_the_one_granted() {
 }
 
 #[test]
+fn a_name_moves_no_cursor() {
+    let mut world = World::new(puppet(1));
+    world.device.name = "\u{1b}[2JMine\n\u{7}";
+    world.session.start(100_000);
+    world.run(100);
+    assert_eq!(world.session.device().unwrap().name, "\u{fffd}[2JMine\u{fffd}\u{fffd}");
+}
+
+/// As of a modular puppet whose root has no power: the guide tells what to do.
+#[test]
+fn a_puppet_without_a_single_part_is_described_as_that() {
+    let mut world = World::new(Vec::new());
+    world.session.start(100_000);
+    world.run(500);
+    let topology = world.session.topology().expect("a tree without parts is a tree");
+    assert_eq!((topology.parts.len(), topology.sensor_count), (0, 0));
+    assert_eq!(world.problems(), Vec::<&DeviceProblem>::new());
+    // The root answers at last.
+    world.device.change_tree(puppet(2));
+    world.run(500);
+    assert_eq!(world.session.topology().map(|tree| tree.parts.len()), Some(3));
+}
+
+#[test]
 fn a_silent_device_is_named_once_and_asked_on() {
     let mut world = World::new(puppet(1));
     world.run_with(10_000, |_| Vec::new());
-    assert_eq!(world.problems(), [&DeviceProblem::Silent { seconds: 2 }]);
+    assert_eq!(world.problems(), [&DeviceProblem::Silent { seconds: 4 }]);
     let asked = world.device.heard.iter().filter(|message| matches!(message, HostMessage::HelloRequest { .. })).count();
     assert!((35..=41).contains(&asked), "one hello request each quarter of a second: {asked}");
     world.run(300);
@@ -93,12 +117,37 @@ fn a_silent_device_is_named_once_and_asked_on() {
 }
 
 #[test]
+fn a_boot_loader_that_comes_first_is_waited_for_and_the_session_says_so() {
+    let mut world = World::new(puppet(1));
+    world.session.start(100_000);
+    // It says something of its own at another speed, and hears nothing.
+    let mut noise = Noise(1);
+    for millis in [700, 700, 700] {
+        world.run_with(millis, |_| Vec::new());
+        world.run_with(1, |_| noise.bytes(3));
+        world.device.heard.clear();
+        (world.device.streaming, world.device.sequence) = (false, 0);
+    }
+    assert_eq!(world.events, [Event::Notice(DeviceNotice::WaitsForStart)], "2.1 s are no problem, and told once");
+    // What the boot loader said last costs the first answer.
+    world.run(600);
+    assert!(world.session.is_streaming());
+    assert_eq!(world.problems(), Vec::<&DeviceProblem>::new());
+    // The same again after the cable was out.
+    world.events.clear();
+    let now = world.now;
+    world.session.line_opened(now, &mut world.events);
+    world.run_with(3_000, |_| Vec::new());
+    assert_eq!(world.milestones(), [&Event::Restarted, &Event::Notice(DeviceNotice::WaitsForStart)]);
+}
+
+#[test]
 fn garbage_is_named_and_gives_no_silence() {
     let mut world = World::new(puppet(1));
     let mut noise = Noise(1);
     world.run_with(5_000, |_| noise.bytes(11));
-    let [DeviceProblem::Garbage { bytes, seconds: 2 }] = world.problems()[..] else { panic!("{:?}", world.problems()) };
-    assert!((20_000..25_000).contains(bytes), "{bytes}");
+    let [DeviceProblem::Garbage { bytes, seconds: 4 }] = world.problems()[..] else { panic!("{:?}", world.problems()) };
+    assert!((40_000..45_000).contains(bytes), "{bytes}");
     assert_eq!(world.session.counters().frames, 0);
     world.run(300);
     assert!(world.session.device().is_some(), "it is found when the noise ends");

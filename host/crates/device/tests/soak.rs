@@ -1,5 +1,5 @@
 //! A long performance on a bad line, on virtual time: 32 joints at 1,000 Hz, one byte in a thousand damaged, and a
-//! subtree that is pulled out and plugged in again every five seconds. `ARMATURE_FULL_SOAK` makes it ten minutes.
+//! subtree that is unplugged and plugged in again every five seconds. `ARMATURE_FULL_SOAK` makes it ten minutes.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -28,23 +28,23 @@ fn puppet(seed: u64, seconds: u64) -> Puppet {
         rest_micros: 0,
         random_zeros: false,
         topology_records: 8,
-        // Each damaged byte is one with a flipped bit.
+        // Each damaged byte has one flipped bit.
         faults: Faults { bit_flip: 0.001, unplugged, ..Faults::default() },
         ..PuppetSettings::new(body)
     })
     .expect("a puppet")
 }
 
-/// What is checked of every sample as it comes, so that nothing has to be kept.
+/// Checks every sample as it arrives, so that nothing has to be kept.
 struct Checker {
-    /// By a part's number, its sensors in the whole puppet.
+    /// For each part's number, its sensors in the whole puppet.
     sensors: BTreeMap<[u8; 12], std::ops::Range<usize>>,
     columns: Vec<usize>,
     epoch: u16,
     last: Option<(u32, u64)>,
     delivered: u64,
     whole: usize,
-    /// Device time since which the subtree was plugged in while its samples have not come.
+    /// Device time at which the subtree was plugged in, until its samples arrive.
     longest_recovery: u64,
     incomplete_since: Option<u64>,
 }
@@ -65,16 +65,16 @@ impl Checker {
         }
         self.last = Some((sample.sequence, sample.device_micros));
         self.delivered += 1;
-        // Every count of some samples, so that ten minutes of them stay cheap.
+        // Only some samples are checked in full, so that ten minutes of them stay cheap.
         if sample.sequence.is_multiple_of(17) {
             let angles = puppet.true_angles(sample.device_micros);
             for (&count, &sensor) in sample.counts.iter().zip(&self.columns) {
                 let expected = (angles[sensor] * COUNTS_PER_TURN / std::f64::consts::TAU).rem_euclid(COUNTS_PER_TURN);
                 let apart = (f64::from(count) - expected).rem_euclid(COUNTS_PER_TURN);
-                assert!(apart.min(COUNTS_PER_TURN - apart) <= 0.51, "sensor {sensor}: {count}, not {expected}");
+                assert!(apart.min(COUNTS_PER_TURN - apart) <= 0.51, "sensor {sensor}: {count} instead of {expected}");
             }
         }
-        // A sample that had to wait for its tree was received long before it is handed on here.
+        // A sample that had to wait for its tree was received long before it is passed on here.
         if sample.counts.len() == self.whole {
             // The latest time at which it was plugged in.
             let period = EVERY_SECONDS * 1_000_000;
@@ -106,7 +106,7 @@ fn soak(seed: u64, seconds: u64) -> (Checker, Truth, armature_device::SessionCou
     };
     let (mut bytes, mut events) = (Vec::new(), Vec::new());
     let mut early = 0;
-    // A moment more than whole seconds, so that nothing is on its way at the end.
+    // A little more than whole seconds, so that nothing is in flight at the end.
     for micros in (0..seconds * 1_000_000 + 700_000).step_by(STEP_MICROS as usize) {
         if micros == seconds * 250_000 {
             early = resident_kib();
@@ -131,7 +131,7 @@ fn soak(seed: u64, seconds: u64) -> (Checker, Truth, armature_device::SessionCou
     (checker, puppet.truth(), session.counters())
 }
 
-/// Memory in use, KiB; 0 where the system does not tell.
+/// Memory in use, KiB; 0 if the system does not report it.
 fn resident_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
@@ -166,7 +166,7 @@ fn every_intact_sample_comes_exactly_once_and_a_subtree_is_back_quickly() {
     }
 }
 
-/// Samples behind the last one delivered; nobody can know of them yet.
+/// Samples after the last one delivered; nobody can know of them yet.
 fn trailing(checker: &Checker, truth: Truth) -> u64 {
     truth.samples_taken - 1 - checker.last.map_or(0, |(sequence, _)| u64::from(sequence))
 }

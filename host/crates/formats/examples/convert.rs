@@ -7,7 +7,9 @@
 use std::error::Error;
 use std::path::Path;
 
-use armature_formats::{GlbClip, GlbMesh, GlbScene, read_bvh, read_model, write_bvh, write_glb};
+use armature_formats::gltf::{GlbClip, GlbMesh, GlbScene, write_glb};
+use armature_formats::motion::{read_bvh, write_bvh};
+use armature_formats::read_model;
 use armature_rig::Motion;
 use glam::Affine3A;
 use serde_json::{Map, Value, json};
@@ -22,7 +24,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let beside = |name: &str| std::fs::read(folder.join(name)).map_err(|error| error.to_string());
 
     let (model, motions) = if is_bvh(input) {
-        (None, vec![("motion".to_owned(), read_bvh(&bytes).map_err(|error| error.in_file(input))?)])
+        let read = read_bvh(&bytes).map_err(|error| error.in_file(input))?;
+        for warning in &read.warnings {
+            eprintln!("{input}: {warning}");
+        }
+        (None, vec![("motion".to_owned(), read.motion)])
     } else {
         let model = read_model(input, &bytes, &beside)?;
         for warning in &model.warnings {

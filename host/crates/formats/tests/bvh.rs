@@ -1,15 +1,14 @@
-//! Motion files against forward kinematics done here from the raw numbers, and there and back again.
+//! Motion files against forward kinematics computed here from the raw numbers, and round trips.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod common;
-
-use armature_formats::{read_bvh, write_bvh};
+use armature_formats::motion::{read_bvh, write_bvh};
 use armature_rig::{Bone, Motion, Pose, Skeleton, Transform};
+use armature_test_support::shared_bytes;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, EulerRot, Quat, Vec3};
 
-/// A second, naive reading of a BVH file: world matrices of every joint at one frame. The hierarchy is walked by
-/// recursion on tokens, angles become matrices axis by axis.
+/// A second, naive BVH reader: world matrices of every joint at one frame. Walks the hierarchy recursively on tokens
+/// and turns angles into matrices axis by axis.
 struct Naive<'t> {
     tokens: Vec<&'t str>,
     at: usize,
@@ -91,8 +90,8 @@ fn double(m: &Affine3A) -> (DMat3, DVec3) {
 #[test]
 fn real_motion_agrees_with_naive_kinematics() {
     for (name, bones, frames) in [("mocap/freebvh.bvh", 55, 69), ("mocap/mocapbank.bvh", 19, 455)] {
-        let Some(bytes) = common::shared(name) else { return };
-        let motion = read_bvh(&bytes).unwrap();
+        let Some(bytes) = shared_bytes(name) else { return };
+        let motion = read_bvh(&bytes).unwrap().motion;
         let text = std::str::from_utf8(&bytes).unwrap();
         println!(
             "{name}: {} bones, {} frames of {} s",
@@ -115,9 +114,9 @@ fn real_motion_agrees_with_naive_kinematics() {
 #[test]
 fn real_motion_survives_writing() {
     for name in ["mocap/freebvh.bvh", "mocap/mocapbank.bvh"] {
-        let Some(bytes) = common::shared(name) else { return };
-        let motion = read_bvh(&bytes).unwrap();
-        let again = read_bvh(write_bvh(&motion).unwrap().as_bytes()).unwrap();
+        let Some(bytes) = shared_bytes(name) else { return };
+        let motion = read_bvh(&bytes).unwrap().motion;
+        let again = read_bvh(write_bvh(&motion).unwrap().as_bytes()).unwrap().motion;
         assert_eq!(again.skeleton.bones(), motion.skeleton.bones());
         assert_eq!(again.frames.len(), motion.frames.len());
         assert!((again.frame_seconds - motion.frame_seconds).abs() < 1e-12);
@@ -191,7 +190,7 @@ fn rest_rotations_are_baked() {
         let text = write_bvh(&motion).unwrap();
         assert!(text.contains("JOINT e\n\t{\n\t\tOFFSET"), "{text}");
         assert_eq!(text.matches("CHANNELS 6").count(), if move_bones { 9 } else { 2 });
-        let again = read_bvh(text.as_bytes()).unwrap();
+        let again = read_bvh(text.as_bytes()).unwrap().motion;
         assert_eq!(again.skeleton.len(), motion.skeleton.len());
         // Depth first: 0 1 3 6 4 7 8, then 2 5.
         let ours = [0, 1, 3, 6, 4, 7, 8, 2, 5];
@@ -203,7 +202,7 @@ fn rest_rotations_are_baked() {
             for (theirs, &ours) in ours.iter().enumerate() {
                 let (a, b) = (double(&before[ours]), double(&after[theirs]));
                 assert!(a.1.distance(b.1) < 1e-5, "frame {frame} bone {ours}: {} {}", a.1, b.1);
-                // What a limb attached to the bone does: its turn away from rest.
+                // What a limb attached to the bone does: its rotation away from rest.
                 let turn_before = a.0 * double(&rest.0[ours]).0.inverse();
                 let turn_after = b.0 * double(&rest.1[theirs]).0.inverse();
                 assert!(degrees_between(turn_before, turn_after) < 1e-3);
@@ -234,7 +233,7 @@ fn straight_up_is_no_trouble() {
         })
         .collect();
     let motion = Motion::new(skeleton, 0.1, frames).unwrap();
-    let again = read_bvh(write_bvh(&motion).unwrap().as_bytes()).unwrap();
+    let again = read_bvh(write_bvh(&motion).unwrap().as_bytes()).unwrap().motion;
     for (a, b) in motion.frames.iter().zip(&again.frames) {
         for (a, b) in a.parent_from_bone.iter().zip(&b.parent_from_bone) {
             let (a, b) = (DMat3::from_quat(a.rotation.as_dquat()), DMat3::from_quat(b.rotation.as_dquat()));

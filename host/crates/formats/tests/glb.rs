@@ -5,13 +5,17 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::float_cmp, reason = "texture coordinates are copied, not computed")]
 
-use armature_formats::{GlbClip, GlbMesh, GlbScene, GlbTimes, Model, Split, Texture, read_model, write_glb};
+use std::sync::Arc;
+
+use armature_formats::gltf::{GlbClip, GlbMesh, GlbScene, GlbTimes, write_glb};
+use armature_formats::model::{AlphaMode, Material, MeshPart, Model, MorphTarget, Skin, Split, Texture};
+use armature_formats::read_model;
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::{Bone, Pose, Skeleton, Transform};
 use glam::{EulerRot, Quat, Vec3};
 
 fn none(name: &str) -> Result<Vec<u8>, String> {
-    Err(format!("{name} is not there"))
+    Err(format!("{name} does not exist"))
 }
 
 /// The smallest PNG there is: one white pixel.
@@ -82,8 +86,12 @@ fn surface(noise: &mut Noise, skeleton: &Skeleton, per_vertex: usize) -> (Model,
         split: Some(split),
         normals: Some((0..drawn).map(|_| noise.vector().normalize().to_array()).collect()),
         texture_coordinates: Some((0..drawn).map(|_| [noise.next(), noise.next()]).collect()),
-        base_color: Some([0.25, 0.5, 0.75, 1.0]),
-        texture: Some(Texture { mime: "image/png".to_owned(), bytes: PIXEL.to_vec() }),
+        materials: vec![Material {
+            name: "skin".into(),
+            base_color: Some([0.25, 0.5, 0.75, 1.0]),
+            base_color_map: Some(Arc::new(Texture { mime: "image/png".to_owned(), bytes: PIXEL.to_vec() })),
+            ..Material::default()
+        }],
         ..Model::default()
     };
     (model, Influences::new(per_vertex, bones, weights, skeleton.len()).unwrap())
@@ -141,8 +149,7 @@ fn awkward_characters_come_back() {
 }
 
 fn compare_surface(model: &Model, again: &Model) {
-    assert_eq!(again.base_color, model.base_color);
-    assert_eq!(again.texture, model.texture);
+    assert_eq!(again.materials, model.materials);
     let (a, b) = (model.split_at_seams(), again.split_at_seams());
     assert_eq!(a.mesh.triangles.len(), b.mesh.triangles.len());
     for (s, t) in a.mesh.triangles.iter().flatten().zip(b.mesh.triangles.iter().flatten()) {
@@ -200,6 +207,14 @@ fn a_mesh_without_bones_and_bones_without_a_mesh() {
     let bytes = write_glb(&GlbScene { name: "bones", skeleton: &bones, mesh: None, clips }).unwrap();
     keep("bones.glb", &bytes);
     assert!(read_model("bones.glb", &bytes, &none).is_err());
+    // A skin, though there is no mesh: programs make an armature of it.
+    let length = u32::from_le_bytes(*bytes[12..].first_chunk().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    assert_eq!(json["skins"][0]["joints"].as_array().unwrap().len(), bones.len());
+    let again = armature_formats::gltf::read_gltf_skeleton("bones.glb", &bytes, &none).unwrap();
+    assert!(again.warnings.is_empty() && !again.has_mesh, "{again:?}");
+    assert!((again.motions[0].1.duration_seconds() - 0.5).abs() < 1e-6);
+    compare_pose(&bones, &again.skeleton, &bones.rest_pose(), &again.skeleton.rest_pose());
 }
 
 #[test]
@@ -224,4 +239,133 @@ fn nonsense_is_named() {
     assert!(write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &nan }]).is_err());
     let scene = GlbScene { name: "x", skeleton: &Skeleton::default(), mesh: None, clips: Vec::new() };
     assert!(write_glb(&scene).is_err());
+}
+
+#[test]
+fn parts_become_primitives_with_their_materials_and_share_images() {
+    let mut noise = Noise(7);
+    let (mut model, _) = surface(&mut noise, &skeleton(&mut Noise(1), 1), 1);
+    let skeleton = Skeleton::default();
+    model = model.split_at_seams();
+    // Two parts of one triangle each.
+    model.mesh.vertices.truncate(6);
+    model.mesh.triangles = vec![[0, 1, 2], [3, 4, 5]];
+    model.normals.as_mut().unwrap().truncate(6);
+    model.texture_coordinates.as_mut().unwrap().truncate(6);
+    let image = model.materials[0].base_color_map.clone();
+    model.materials[0].emissive_map.clone_from(&image);
+    model.materials.push(Material {
+        name: "glass".into(),
+        base_color: Some([1.0, 1.0, 1.0, 0.25]),
+        normal_map: image,
+        normal_scale: 0.5,
+        metallic: 0.25,
+        alpha: AlphaMode::Mask { cutoff: 0.75 },
+        double_sided: true,
+        ..Material::default()
+    });
+    let part = |vertices, triangles, material| MeshPart { vertices, triangles, material, ..MeshPart::default() };
+    model.parts = vec![part(0..3, 0..1, Some(1)), part(3..6, 1..2, None)];
+    let written = |model: &Model| {
+        let mesh = Some(GlbMesh::of_model(model));
+        write_glb(&GlbScene { name: "two", skeleton: &skeleton, mesh, clips: Vec::new() })
+    };
+    let bytes = written(&model).unwrap();
+    let length = u32::from_le_bytes(*bytes[12..].first_chunk().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let primitives = json["meshes"][0]["primitives"].as_array().unwrap();
+    assert_eq!(primitives.len(), 2);
+    for primitive in primitives {
+        let count = |accessor: &serde_json::Value| &json["accessors"][accessor.as_u64().unwrap() as usize]["count"];
+        assert_eq!((count(&primitive["attributes"]["POSITION"]), count(&primitive["indices"])), (&3.into(), &3.into()));
+    }
+    assert_eq!((primitives[0]["material"].as_u64(), primitives[1].get("material")), (Some(1), None));
+    let glass = &json["materials"][1];
+    assert_eq!((glass["name"].as_str(), glass["alphaMode"].as_str()), (Some("glass"), Some("MASK")));
+    assert_eq!((glass["alphaCutoff"].as_f64(), glass["doubleSided"].as_bool()), (Some(0.75), Some(true)));
+    assert_eq!((&glass["normalTexture"]["index"], &glass["normalTexture"]["scale"]), (&0.into(), &0.5.into()));
+    assert_eq!(json["images"].as_array().unwrap().len(), 1, "one image for three maps");
+
+    model.parts[1].skin = Some(0);
+    assert!(written(&model).is_err(), "a bind pose that does not exist");
+    model.parts[1] = part(3..6, 0..2, None);
+    assert!(written(&model).is_err(), "parts that do not fit the surface");
+}
+
+/// Two meshes with morph targets and colours, one of them bound in another pose.
+fn rich(skeleton: &Skeleton) -> (Model, Influences) {
+    let mut noise = Noise(11);
+    let (model, _) = surface(&mut noise, skeleton, 1);
+    let mut model = model.split_at_seams();
+    model.mesh.vertices = (0..6).map(|_| noise.vector().as_dvec3().to_array()).collect();
+    model.mesh.triangles = vec![[0, 1, 2], [3, 4, 5]];
+    model.normals.as_mut().unwrap().truncate(6);
+    model.texture_coordinates.as_mut().unwrap().truncate(6);
+    model.vertex_colors = Some((0..6).map(|k| [0.125 * k as f32, 0.5, 1.0, 0.75]).collect());
+    model.materials.push(Material {
+        name: "lamp".into(),
+        base_color: Some([1.0; 4]),
+        emissive: [0.5, 4.0, 1.0],
+        alpha: AlphaMode::Blend,
+        ..Material::default()
+    });
+    model.materials[0].unlit = true;
+    let part = |name: &str, vertices, triangles, material, skin| MeshPart {
+        name: name.to_owned(),
+        vertices,
+        triangles,
+        material: Some(material),
+        skin,
+    };
+    model.parts = vec![part("body", 0..3, 0..1, 0, None), part("flag", 3..6, 1..2, 1, Some(0))];
+    let target = |name: &str, part, default_weight, offsets: [f32; 3]| MorphTarget {
+        name: name.to_owned(),
+        part,
+        default_weight,
+        positions: offsets.iter().map(|&x| [x, 0.0, -x]).collect(),
+        normals: Vec::new(),
+    };
+    model.morph_targets = vec![
+        target("Smile", 0, 0.0, [0.25, 0.0, 0.0]),
+        target("Frown", 0, 0.0, [0.0; 3]),
+        target("Wave", 1, 0.5, [0.25, -0.5, 1.0]),
+    ];
+    let influences = Influences::new(2, vec![0, 1, 1, 2, 2, 0, 0, 1, 1, 2, 2, 0], vec![0.5; 12], skeleton.len());
+    (model, influences.unwrap())
+}
+
+#[test]
+fn meshes_with_morph_targets_colours_and_bind_poses_come_back() {
+    let skeleton = skeleton(&mut Noise(5), 5);
+    let (model, influences) = rich(&skeleton);
+    // The flag was bound where everything was turned and moved.
+    let turn = glam::Affine3A::from_rotation_translation(Quat::from_rotation_y(0.5), Vec3::new(1.0, 2.0, 3.0));
+    let bound = skeleton.rest_model_from_bone().iter().map(|bone| turn * *bone).collect();
+    let skins = [Skin { name: "flag".into(), bound_model_from_bone: bound }];
+    let mesh = GlbMesh { influences: Some(&influences), skins: &skins, ..GlbMesh::of_model(&model) };
+    let bytes =
+        write_glb(&GlbScene { name: "rich", skeleton: &skeleton, mesh: Some(mesh), clips: Vec::new() }).unwrap();
+    keep("rich.glb", &bytes);
+    let again = read_model("rich.glb", &bytes, &none).unwrap();
+    assert!(again.warnings.is_empty(), "{:?}", again.warnings);
+    assert_eq!(again.materials, model.materials);
+    let names = |model: &Model| model.parts.iter().map(|part| part.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&again), names(&model));
+    assert_eq!(again.vertex_colors, model.vertex_colors);
+    for (ours, theirs) in model.morph_targets.iter().zip(&again.morph_targets) {
+        assert_eq!((&ours.name, ours.part), (&theirs.name, theirs.part));
+        assert!((ours.default_weight - theirs.default_weight).abs() < 1e-6);
+        // In the rest pose, to which the flag is brought.
+        let frame = if ours.part == 1 { turn.inverse() } else { glam::Affine3A::IDENTITY };
+        for (a, b) in ours.positions.iter().zip(&theirs.positions) {
+            assert!(frame.transform_vector3(Vec3::from(*a)).distance(Vec3::from(*b)) < 1e-5, "{a:?} {b:?}");
+        }
+    }
+    let drawn = again.mesh_vertex_of_drawn();
+    for (k, &vertex) in drawn.iter().enumerate() {
+        let [ours, theirs] = [model.mesh.vertices[k], again.mesh.vertices[vertex as usize]].map(glam::DVec3::from);
+        let ours = ours.as_vec3();
+        let expected = if k < 3 { ours } else { turn.inverse().transform_point3(ours) };
+        assert!(expected.as_dvec3().distance(theirs) < 1e-5, "{k}: {expected} {theirs}");
+    }
 }

@@ -2,15 +2,15 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod common;
-
-use armature_formats::{Model, read_model};
+use armature_formats::model::Model;
+use armature_formats::read_model;
 use armature_rig::Pose;
+use armature_test_support::shared_bytes;
 use glam::{Affine3A, Mat4, Quat, Vec3, Vec4};
 use serde_json::Value;
 
 fn none(name: &str) -> Result<Vec<u8>, String> {
-    Err(format!("{name} is not there"))
+    Err(format!("{name} does not exist"))
 }
 
 /// The file's JSON and binary chunk, trusted.
@@ -161,7 +161,7 @@ fn posed(model: &Model, pose: &Pose) -> Vec<Vec3> {
 
 #[test]
 fn fox_keeps_its_rig() {
-    let Some(bytes) = common::shared("Fox.glb") else { return };
+    let Some(bytes) = shared_bytes("Fox.glb") else { return };
     let model = read_model("Fox.glb", &bytes, &none).unwrap();
     let raw = Raw::new(&bytes);
     let rig = model.rig.as_ref().unwrap();
@@ -176,7 +176,7 @@ fn fox_keeps_its_rig() {
         println!("{:?} {} {:?} {:?}", bone.parent, bone.name, bone.rest.translation, bone.tail);
     }
     assert_eq!((rig.skeleton.len(), model.drawn_vertex_count(), model.mesh.triangles.len()), (24, 1_728, 576));
-    assert_eq!(model.texture.as_ref().unwrap().mime, "image/png");
+    assert_eq!(model.materials[0].base_color_map.as_ref().unwrap().mime, "image/png");
     assert_eq!(model.texture_coordinates.as_ref().unwrap().len(), 1_728);
     assert!(model.warnings.is_empty(), "{:?}", model.warnings);
     assert_eq!(rig.influences.vertex_count(), model.mesh.vertices.len());
@@ -233,8 +233,8 @@ fn compare_motions(bytes: &[u8], size: f32) -> Model {
 
 #[test]
 fn fox_in_another_frame() {
-    let Some(bytes) = common::shared("Fox.glb") else { return };
-    // As exporters of other axes and units write it: everything hangs below a scaled and turned node.
+    let Some(bytes) = shared_bytes("Fox.glb") else { return };
+    // As exporters with other axes and units write it: everything hangs below a scaled and turned node.
     let moved = changed_fox(&bytes, |json| {
         let nodes = json["nodes"].as_array_mut().unwrap();
         let top = nodes.len();
@@ -252,7 +252,7 @@ fn fox_in_another_frame() {
 
 #[test]
 fn fox_that_does_not_show_its_bind_pose() {
-    let Some(bytes) = common::shared("Fox.glb") else { return };
+    let Some(bytes) = shared_bytes("Fox.glb") else { return };
     let posed = changed_fox(&bytes, |json| {
         json["nodes"][4]["rotation"] = serde_json::json!([0.0, 0.0, 0.6, 0.8]);
         json["nodes"][7]["rotation"] = serde_json::json!([0.6, 0.0, 0.0, 0.8]);
@@ -266,7 +266,7 @@ fn fox_that_does_not_show_its_bind_pose() {
 
 #[test]
 fn fox_moves_as_its_file_says() {
-    let Some(bytes) = common::shared("Fox.glb") else { return };
+    let Some(bytes) = shared_bytes("Fox.glb") else { return };
     let model = read_model("Fox.glb", &bytes, &none).unwrap();
     let raw = Raw::new(&bytes);
     let drawn = model.mesh_vertex_of_drawn();

@@ -1,19 +1,20 @@
-//! Real meshes and skeletons come in whole.
+//! Real meshes and skeletons are read completely.
 
 #![expect(clippy::float_cmp, reason = "positions are copied, not computed")]
 
-mod common;
-
 use std::collections::BTreeMap;
 
-use armature_formats::{Model, read_model, read_tgf, skeleton_from_graph};
+use armature_formats::model::Model;
+use armature_formats::read_model;
+use armature_formats::skeleton::{read_tgf, skeleton_from_graph};
+use armature_test_support::shared_bytes;
 
 fn none(name: &str) -> Result<Vec<u8>, String> {
-    Err(format!("{name} is not there"))
+    Err(format!("{name} does not exist"))
 }
 
 fn shared_model(name: &str) -> Option<Model> {
-    let bytes = common::shared(name)?;
+    let bytes = shared_bytes(name)?;
     Some(read_model(name, &bytes, &none).unwrap_or_else(|error| panic!("{error}")))
 }
 
@@ -99,7 +100,7 @@ fn shared_graphs_become_skeletons() {
         ("elephant.tgf", 25, 24, true),
         ("arm.tgf", 5, 4, false),
     ] {
-        let Some(bytes) = common::shared(name) else { return };
+        let Some(bytes) = shared_bytes(name) else { return };
         let graph = read_tgf(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!((graph.points.len(), graph.edges.len()), (points, bones), "{name}");
         let made = skeleton_from_graph(&graph, None).unwrap_or_else(|error| panic!("{name}: {error}"));

@@ -1,35 +1,35 @@
-//! Meshes that we write, in the readers of others.
+//! Meshes that we write, read by other programs.
 //!
-//! `ARMATURE_MESHIO_PYTHON` names a Python that has the package `meshio` (and, if one likes, `gmsh` and `vtk`). Without
-//! it a check says loudly that it is skipped; in CI that is a failure.
-
-mod common;
+//! `ARMATURE_MESHIO_PYTHON` names a Python that has the package `meshio` (and optionally `gmsh` and `vtk`). Without it
+//! a check prints that it is skipped; in CI it fails.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use armature_formats::{
-    CellData, CellMesh, Cells, Model, NumberTable, read_model, read_npy, write_mesh, write_msh, write_npy, write_vtu,
-};
+use armature_formats::mesh::{CellData, CellMesh, Cells, write_mesh, write_msh, write_vtu};
+use armature_formats::model::Model;
+use armature_formats::read_model;
+use armature_formats::tables::{NumberTable, read_npy, write_npy};
 use armature_geometry::TriangleMesh;
+use armature_test_support::shared_bytes;
 use serde_json::{Value, json};
 
 fn meshio() -> Option<PathBuf> {
     let python = std::env::var_os("ARMATURE_MESHIO_PYTHON").filter(|value| !value.is_empty()).map(PathBuf::from);
     if python.is_none() {
         let in_ci = ["CI", "ARMATURE_REQUIRE_SHARED_DATA"].iter().all(|name| std::env::var_os(name).is_some());
-        assert!(!in_ci, "ARMATURE_MESHIO_PYTHON has to be set in CI: meshio is not asked");
-        println!("SKIPPED: ARMATURE_MESHIO_PYTHON is not set, so meshio is not asked");
+        assert!(!in_ci, "ARMATURE_MESHIO_PYTHON must be set in CI: meshio was not run");
+        println!("SKIPPED: ARMATURE_MESHIO_PYTHON is not set, so meshio was not run");
     }
     python
 }
 
 fn none(name: &str) -> Result<Vec<u8>, String> {
-    Err(format!("{name} is not there"))
+    Err(format!("{name} does not exist"))
 }
 
 fn shared_model(name: &str) -> Option<Model> {
-    Some(read_model(name, &common::shared(name)?, &none).unwrap_or_else(|error| panic!("{error}")))
+    Some(read_model(name, &shared_bytes(name)?, &none).unwrap_or_else(|error| panic!("{error}")))
 }
 
 /// Writes a mesh in every format and has it read again.
@@ -91,7 +91,7 @@ fn awkward_numbers() {
     check("awkward", &CellMesh::of_triangles(&TriangleMesh { vertices, triangles: vec![[2, 0, 1]] }));
 }
 
-/// What is written as `.mesh` is read by us as it was, bit for bit.
+/// We read our own `.mesh` files back bit for bit.
 #[test]
 fn our_own_reader_gives_the_volume_back() {
     for name in ["hand.mesh", "octopus-low.mesh"] {
@@ -103,7 +103,7 @@ fn our_own_reader_gives_the_volume_back() {
     }
 }
 
-/// Saves one table in many kinds of numbers, and checks that our file is the same table.
+/// Saves one table with many number types, and checks that our file is the same table.
 const NUMPY: &str = "
 import sys, numpy as np
 folder = sys.argv[1]

@@ -4,9 +4,10 @@
 //! MESH is an OBJ or OFF file. Without arguments: 10⁴, 10⁵ and 10⁶ random points.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::delaunay_tetrahedra;
+use armature_geometry::delaunay::delaunay_tetrahedra;
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -22,14 +23,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let mut noise = support::noise();
                 (0..count).map(|_| std::array::from_fn(|_| noise())).collect()
             }
-            Err(_) => support::read_triangles(&name, &std::fs::read_to_string(&name)?).vertices,
+            Err(_) => support::read_triangles(Path::new(&name)).vertices,
         };
         let start = Instant::now();
-        let delaunay = delaunay_tetrahedra(&points, &mut |_| ControlFlow::Continue(()))?;
+        let delaunay = delaunay_tetrahedra(&points, &mut |_, _| ControlFlow::Continue(()))?;
         let seconds = start.elapsed().as_secs_f64();
         let (points, tetrahedra) = (points.len(), delaunay.tetrahedra.len());
         println!(
-            "{name}: {points} points, {tetrahedra} tetrahedra, {seconds:.3} s, {:.2} µs a point, {:.2} million tetrahedra a second",
+            "{name}: {points} points, {tetrahedra} tetrahedra, {seconds:.3} s, {:.2} µs per point, {:.2} million tetrahedra per second",
             1e6 * seconds / points as f64,
             1e-6 * tetrahedra as f64 / seconds
         );

@@ -1,12 +1,13 @@
 //! Times the improvement of tetrahedra: `cargo run --release -p armature-geometry --example improve -- MESH...`.
 //!
 //! MESH is an OBJ or OFF file of a closed surface. Its vertices and a lattice of interior points are tetrahedralised,
-//! and what lies inside is improved.
+//! and the tetrahedra inside are improved.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{DihedralStatistics, ImproveSettings, improve_tetrahedra};
+use armature_geometry::improve::{DihedralStatistics, ImproveSettings, improve_tetrahedra};
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -15,13 +16,13 @@ mod volume;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     for name in std::env::args().skip(1) {
-        let surface = support::read_triangles(&name, &std::fs::read_to_string(&name)?);
+        let surface = support::read_triangles(Path::new(&name));
         let mut mesh = volume::volume_of(&surface, surface.vertices.len() / 2);
         let fixed = vec![false; mesh.vertices.len()];
         println!("{name}: {} vertices, {} tetrahedra", mesh.vertices.len(), mesh.tetrahedra.len());
         let settings = ImproveSettings::default();
         let start = Instant::now();
-        let improvement = improve_tetrahedra(&mut mesh, &fixed, &[], &settings, &mut |_| ControlFlow::Continue(()))?;
+        let improvement = improve_tetrahedra(&mut mesh, &fixed, &[], &settings, &mut |_, _| ControlFlow::Continue(()))?;
         println!("  improved in {:.3} s: {:?}", start.elapsed().as_secs_f64(), improvement.outcome);
         println!("  {:?}", improvement.operations);
         let bad = (improvement.bad_before, improvement.bad_after, improvement.bad_without_free_corner);

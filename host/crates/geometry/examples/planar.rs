@@ -1,12 +1,13 @@
 //! Fills a flat mesh with triangles and writes them as a picture:
 //! `cargo run --release -p armature-geometry --example planar -- MESH [LARGEST_EDGE] > picture.svg`.
 //!
-//! MESH is an OBJ or OFF file. Triangles are coloured by winding number, the outline's own vertices are dots.
+//! MESH is an OBJ or OFF file. Triangles are coloured by winding number; the outline's own vertices are dots.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{PlanarDomain, PlanarInput, PlanarSettings, PlanarShape, planar_domain, plane_of};
+use armature_geometry::planar::{PlanarDomain, PlanarInput, PlanarSettings, PlanarShape, planar_domain, plane_of};
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -14,7 +15,7 @@ mod support;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let name = arguments.next().ok_or("which mesh? name an OBJ or OFF file")?;
-    let mesh = support::read_triangles(&name, &std::fs::read_to_string(&name)?);
+    let mesh = support::read_triangles(Path::new(&name));
     let settings = PlanarSettings {
         largest_edge: arguments.next().map(|edge| edge.parse()).transpose()?,
         ..PlanarSettings::default()
@@ -23,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let shape = PlanarShape::Mesh { vertices: &flat.vertices, triangles: &flat.triangles };
     let input = PlanarInput { shape, bones: &[], points: &[] };
     let start = Instant::now();
-    let domain = planar_domain(&input, &settings, &mut |_| ControlFlow::Continue(()))?;
+    let domain = planar_domain(&input, &settings, &mut |_, _| ControlFlow::Continue(()))?;
     eprintln!("{name}: {} vertices, {} triangles", flat.vertices.len(), flat.triangles.len());
     let (vertices, triangles) = (domain.vertices.len(), domain.triangles.len());
     eprintln!("{vertices} vertices, {triangles} triangles in {:.3} s", start.elapsed().as_secs_f64());

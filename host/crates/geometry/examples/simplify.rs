@@ -1,18 +1,22 @@
-//! Makes surfaces coarser and measures how far that leads away from them:
+//! Simplifies surfaces and measures how far the results are from the originals:
 //! `cargo run --release -p armature-geometry --example simplify -- MESH [VERTICES]...`.
 //!
-//! MESH is an OBJ or OFF file. Distances are shares of the diagonal of the box around the mesh, both ways: from the
-//! given vertices to the coarse surface, and from points spread on the coarse surface to the given one. Then the given
-//! vertices are located in those Delaunay tetrahedra of the coarse ones that are inside, a rough volume. Runs on one
-//! thread if `RAYON_NUM_THREADS=1`.
+//! MESH is an OBJ or OFF file. Distances are fractions of the diagonal of the mesh's bounding box, measured both ways:
+//! from the original vertices to the coarse surface, and from points spread over the coarse surface to the original.
+//! Then the original vertices are located in those Delaunay tetrahedra of the coarse vertices that are inside, a rough
+//! volume. Runs on one thread with `RAYON_NUM_THREADS=1`.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{
-    FastWindingNumber, TetrahedralMesh, TriangleHierarchy, TriangleMesh, delaunay_tetrahedra, diagnose, embed_points,
-    simplify,
-};
+use armature_geometry::delaunay::delaunay_tetrahedra;
+use armature_geometry::embed::embed_points;
+use armature_geometry::search::TriangleHierarchy;
+use armature_geometry::simplify::simplify;
+use armature_geometry::surface::diagnose;
+use armature_geometry::winding::FastWindingNumber;
+use armature_geometry::{TetrahedralMesh, TriangleMesh};
 use glam::DVec3;
 
 #[path = "../tests/support/mod.rs"]
@@ -21,7 +25,7 @@ mod support;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let name = arguments.next().ok_or("which mesh? name an OBJ or OFF file")?;
-    let mesh = support::read_triangles(&name, &std::fs::read_to_string(&name)?);
+    let mesh = support::read_triangles(Path::new(&name));
     let mut targets = arguments.map(|a| a.parse()).collect::<Result<Vec<usize>, _>>()?;
     if targets.is_empty() {
         targets = vec![2500, 5000, 10_000];
@@ -31,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{name}: {} vertices, {} triangles", mesh.vertices.len(), mesh.triangles.len());
     for target in targets {
         let start = Instant::now();
-        let simplified = simplify(&mesh, target, &mut |_| ControlFlow::Continue(()))?;
+        let simplified = simplify(&mesh, target, &mut |_, _| ControlFlow::Continue(()))?;
         let seconds = start.elapsed().as_secs_f64();
         let coarse = &simplified.mesh;
         println!("  {target}: {seconds:.3} s, {} vertices, {:?}", coarse.vertices.len(), simplified.outcome);
@@ -66,9 +70,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// The Delaunay tetrahedra whose middles are inside.
+/// The Delaunay tetrahedra whose barycentres are inside.
 fn rough_volume(surface: &TriangleMesh) -> Result<TetrahedralMesh, Box<dyn std::error::Error>> {
-    let all = delaunay_tetrahedra(&surface.vertices, &mut |_| ControlFlow::Continue(()))?.tetrahedra;
+    let all = delaunay_tetrahedra(&surface.vertices, &mut |_, _| ControlFlow::Continue(()))?.tetrahedra;
     let middle = |t: &[u32; 4]| {
         (0.25 * t.map(|v| DVec3::from(surface.vertices[v as usize])).into_iter().sum::<DVec3>()).to_array()
     };

@@ -1,14 +1,16 @@
 //! Times the winding numbers of one mesh: `cargo run --release -p armature-geometry --example winding -- MESH [POINTS]`.
 //!
-//! MESH is an OBJ or OFF file. The points are spread at random in a box 1.2 times that of the mesh; with a file
-//! POINTS (one `x y z` a line) those are used, and with a third argument the three columns direct, hierarchy and
-//! fast are written there. Runs on one thread if `RAYON_NUM_THREADS=1`.
+//! MESH is an OBJ or OFF file. The points are random, in a box 1.2 times that of the mesh; a file POINTS (one `x y z`
+//! per line) is used instead if given, and with a third argument the three columns direct, hierarchy and fast are
+//! written to that file. Runs on one thread with `RAYON_NUM_THREADS=1`.
 
+use std::path::Path;
 use std::time::Instant;
 
-use armature_geometry::{
-    FastWindingNumber, TriangleMesh, WindingNumberHierarchy, flipped_components, self_intersections, winding_number,
-};
+use armature_geometry::TriangleMesh;
+use armature_geometry::orientation::flipped_components;
+use armature_geometry::surface::self_intersections;
+use armature_geometry::winding::{FastWindingNumber, WindingNumberHierarchy, winding_number};
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -16,7 +18,7 @@ mod support;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let name = arguments.next().ok_or("which mesh? name an OBJ or OFF file")?;
-    let mesh = support::read_triangles(&name, &std::fs::read_to_string(&name)?);
+    let mesh = support::read_triangles(Path::new(&name));
     let points = match arguments.next() {
         Some(file) => points_in(&std::fs::read_to_string(file)?)?,
         None => spread(&mesh, 100_000)?,
@@ -29,15 +31,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let few = &points[..points.len().min(500)];
     let (direct, seconds) = timed(|| winding_number(&mesh, few));
     let direct = direct?;
-    println!("  direct    {:10.3} µs a point", 1e6 * seconds / few.len() as f64);
+    println!("  direct    {:10.3} µs per point", 1e6 * seconds / few.len() as f64);
     let (exact, seconds) = timed(|| hierarchy.evaluate_many(&points));
-    println!("  hierarchy {:10.3} µs a point", 1e6 * seconds / points.len() as f64);
+    println!("  hierarchy {:10.3} µs per point", 1e6 * seconds / points.len() as f64);
     let (quick, seconds) = timed(|| fast.evaluate_many(&points));
-    println!("  fast      {:10.3} µs a point", 1e6 * seconds / points.len() as f64);
+    println!("  fast      {:10.3} µs per point", 1e6 * seconds / points.len() as f64);
     let off = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let mean = exact.iter().zip(&quick).map(|(a, b)| (a - b).abs()).sum::<f64>() / points.len() as f64;
     println!(
-        "  hierarchy is off by {:.1e}, fast by {:.1e}, {mean:.1e} in the mean",
+        "  hierarchy is off by {:.1e}, fast by {:.1e}, {mean:.1e} on average",
         off(&direct, &exact),
         off(&exact, &quick)
     );

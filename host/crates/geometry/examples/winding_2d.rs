@@ -1,10 +1,11 @@
-//! Times the winding numbers of curves in the plane, made by formula, and says how far the fast one is off:
-//! `cargo run --release -p armature-geometry --example winding_2d -- [SEGMENTS]...`, without arguments 10⁴, 10⁵ and
-//! 10⁶. Runs on one thread if `RAYON_NUM_THREADS=1`.
+//! Times the winding numbers of curves in the plane, made by formula, and prints the error of the fast method:
+//! `cargo run --release -p armature-geometry --example winding_2d -- [SEGMENTS]...`; without arguments, 10⁴, 10⁵ and
+//! 10⁶. Runs on one thread with `RAYON_NUM_THREADS=1`.
 
 use std::time::Instant;
 
-use armature_geometry::{FastWindingNumber2d, MeshError, WindingNumberHierarchy2d, winding_number_2d};
+use armature_geometry::MeshError;
+use armature_geometry::winding::{FastWindingNumber2d, WindingNumberHierarchy2d, winding_number_2d};
 
 #[path = "../tests/support/outlines.rs"]
 mod outlines;
@@ -31,15 +32,15 @@ fn measure(vertices: &[[f64; 2]], segments: &[[u32; 2]]) -> Result<(), MeshError
     println!("  precompute: hierarchy {build_exact:.3} s, fast {build_fast:.3} s");
     let few = &points[..100];
     let (direct, seconds) = timed(|| winding_number_2d(vertices, segments, few));
-    println!("  direct    {:10.3} µs a point", 1e6 * seconds / few.len() as f64);
+    println!("  direct    {:10.3} µs per point", 1e6 * seconds / few.len() as f64);
     let (exact, seconds) = timed(|| exact.evaluate_many(&points));
-    println!("  hierarchy {:10.3} µs a point", 1e6 * seconds / points.len() as f64);
+    println!("  hierarchy {:10.3} µs per point", 1e6 * seconds / points.len() as f64);
     let (fast, seconds) = timed(|| fast.evaluate_many(&points));
-    println!("  fast      {:10.3} µs a point", 1e6 * seconds / points.len() as f64);
+    println!("  fast      {:10.3} µs per point", 1e6 * seconds / points.len() as f64);
     let off = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let mean = exact.iter().zip(&fast).map(|(a, b)| (a - b).abs()).sum::<f64>() / points.len() as f64;
     println!(
-        "  hierarchy is off by {:.1e}, fast by {:.1e}, {mean:.1e} in the mean",
+        "  hierarchy is off by {:.1e}, fast by {:.1e}, {mean:.1e} on average",
         off(&direct?, &exact),
         off(&exact, &fast)
     );

@@ -1,6 +1,6 @@
-//! Sparse skinning weights: a few influences a vertex.
+//! Sparse skinning weights: a few influences per vertex.
 
-/// For every vertex the same number of `(bone, weight)` pairs, heaviest first, unused slots with weight 0.
+/// For every vertex the same number of `(bone, weight)` pairs, largest first, with weight 0 in unused slots.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Influences {
     per_vertex: usize,
@@ -8,28 +8,28 @@ pub struct Influences {
     weights: Vec<f32>,
 }
 
-/// Why a set of influences is not one.
+/// Why influences are invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InfluencesError {
-    /// The two arrays disagree in length or are no multiple of the influences per vertex.
-    #[error("{bones} bone indices and {weights} weights do not make {per_vertex} influences a vertex")]
+    /// The two arrays differ in length or are not a multiple of the influences per vertex.
+    #[error("{bones} bone indices and {weights} weights do not make {per_vertex} influences per vertex")]
     Shape {
         /// Length of the bone index array.
         bones: usize,
         /// Length of the weight array.
         weights: usize,
-        /// Influences per vertex asked for.
+        /// Requested influences per vertex.
         per_vertex: usize,
     },
-    /// A vertex carries a weight that is negative, NaN or infinite.
-    #[error("vertex {vertex} has the weight {weight}; weights are finite and not negative")]
+    /// A vertex has a weight that is negative, NaN or infinite.
+    #[error("vertex {vertex} has the weight {weight}; weights must be finite and not negative")]
     BadWeight {
         /// Zero-based vertex.
         vertex: usize,
         /// The offending value.
         weight: f32,
     },
-    /// A vertex follows a bone that the skeleton has not.
+    /// A vertex follows a bone that the skeleton does not have.
     #[error("vertex {vertex} follows bone {bone}, but there are only {bone_count} bones")]
     BoneOutOfRange {
         /// Zero-based vertex.
@@ -39,7 +39,7 @@ pub enum InfluencesError {
         /// How many bones there are.
         bone_count: usize,
     },
-    /// A vertex follows no bone at all.
+    /// A vertex does not follow any bone.
     #[error("vertex {vertex} has no weight on any bone")]
     Unweighted {
         /// Zero-based vertex.
@@ -48,8 +48,8 @@ pub enum InfluencesError {
 }
 
 impl Influences {
-    /// Takes `per_vertex` bone indices and weights a vertex (vertex-major, both `n·per_vertex` long), sorts each
-    /// vertex's influences by falling weight (ties by bone) and scales them to sum to one.
+    /// Takes `per_vertex` bone indices and weights per vertex (vertex-major, both `n·per_vertex` long), sorts each
+    /// vertex's influences by decreasing weight (ties by bone) and scales them to sum to one.
     pub fn new(
         per_vertex: usize,
         mut bones: Vec<u16>,
@@ -85,8 +85,8 @@ impl Influences {
         Ok(Self { per_vertex, bones, weights })
     }
 
-    /// Takes influences as [`bones`](Self::bones) and [`weights`](Self::weights) gave them (heaviest first, summing
-    /// to one within 1e-5), bit for bit: what a file kept comes back the same. Anything else goes through
+    /// Takes influences as returned by [`bones`](Self::bones) and [`weights`](Self::weights) (largest first, summing to
+    /// one within 1e-5), bit for bit, so that what was stored in a file comes back the same. Anything else goes through
     /// [`new`](Self::new).
     pub fn restore(
         per_vertex: usize,
@@ -99,7 +99,7 @@ impl Influences {
         Ok(if same && checked.bones == bones { Self { per_vertex, bones, weights } } else { checked })
     }
 
-    /// Influences a vertex, used or not.
+    /// Influences per vertex, used or not.
     pub fn per_vertex(&self) -> usize {
         self.per_vertex
     }
@@ -119,7 +119,7 @@ impl Influences {
         &self.weights
     }
 
-    /// The used influences of one vertex, heaviest first.
+    /// The used influences of one vertex, largest first.
     pub fn of_vertex(&self, vertex: usize) -> impl Iterator<Item = (u16, f32)> + '_ {
         let row = vertex * self.per_vertex..(vertex + 1) * self.per_vertex;
         self.bones[row.clone()].iter().copied().zip(self.weights[row].iter().copied()).take_while(|(_, w)| *w > 0.0)

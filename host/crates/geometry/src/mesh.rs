@@ -24,8 +24,8 @@ pub enum MeshError {
     /// There is nothing to work on.
     #[error("the mesh has no vertices or no elements")]
     Empty,
-    /// An element names a vertex that is not there.
-    #[error("element {element} names vertex {vertex}, but there are only {vertex_count} vertices")]
+    /// An element refers to a vertex that does not exist.
+    #[error("element {element} refers to vertex {vertex}, but there are only {vertex_count} vertices")]
     IndexOutOfRange {
         /// Zero-based element.
         element: usize,
@@ -41,14 +41,14 @@ pub enum MeshError {
         vertex: usize,
     },
     /// A coordinate is so large that areas and volumes would overflow.
-    #[error("vertex {vertex} lies further than 1e60 units from the origin; scale the mesh down")]
+    #[error("vertex {vertex} is further than 1e60 units from the origin; scale the mesh down")]
     TooLarge {
         /// Zero-based vertex.
         vertex: usize,
     },
 }
 
-/// Fourth powers of lengths, which areas are computed from, stay within f64.
+/// Keeps fourth powers of lengths, needed for areas, within f64.
 const LARGEST_COORDINATE: f64 = 1e60;
 
 impl TriangleMesh {

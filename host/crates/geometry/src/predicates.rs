@@ -1,4 +1,4 @@
-//! Exact signs, with a quick floating-point answer where that is certain.
+//! Exact signs, with a fast floating-point answer where that is certain.
 
 use robust::Coord3D;
 
@@ -50,8 +50,8 @@ pub(crate) fn collinear(a: &[f64; 3], b: &[f64; 3], c: &[f64; 3]) -> bool {
     })
 }
 
-/// Whether all three coordinates are equal; the two zeros are.
-#[expect(clippy::float_cmp, reason = "a duplicate is at exactly the same place; anything else is a point of its own")]
+/// Whether all three coordinates are equal; 0 and -0 count as equal.
+#[expect(clippy::float_cmp, reason = "a duplicate is at exactly the same place; anything else is a different point")]
 pub(crate) fn same_place(a: &[f64; 3], b: &[f64; 3]) -> bool {
     a == b
 }

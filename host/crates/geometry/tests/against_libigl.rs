@@ -1,12 +1,12 @@
 //! Operators on real meshes against numbers that libigl computed.
 //!
-//! The tables were made once with libigl 2.6.3 in Python: for each mesh `L = igl.cotmatrix(V, F)`, its
-//! Frobenius norm and `-fᵀLf` for `f = x·y + z² + x`; `M = igl.massmatrix(V, F, type)`, the sum of the barycentric
-//! one and the Euclidean norms of both diagonals; and norm and energy of `igl.intrinsic_delaunay_cotmatrix(V, F)`.
+//! The tables were made once with libigl 2.6.3 in Python: for each mesh `L = igl.cotmatrix(V, F)`, its Frobenius norm
+//! and `-fᵀLf` for `f = x·y + z² + x`; `M = igl.massmatrix(V, F, type)`, the sum of the barycentric one and the
+//! Euclidean norms of both diagonals; and norm and energy of `igl.intrinsic_delaunay_cotmatrix(V, F)`.
 
 mod support;
 
-use armature_geometry::{
+use armature_geometry::operators::{
     Lumping, SparseMatrix, cotangent_laplacian, cotangent_laplacian_tetrahedra, intrinsic_delaunay_laplacian,
     lumped_mass, lumped_mass_tetrahedra,
 };
@@ -18,8 +18,8 @@ struct OfTriangles {
     area: f64,
     barycentric: f64,
     voronoi: f64,
-    /// Norm and energy of the intrinsic Delaunay Laplacian; closed meshes only, as libigl leaves obtuse angles at
-    /// boundaries where we double the mesh.
+    /// Norm and energy of the intrinsic Delaunay Laplacian; closed meshes only, because libigl leaves obtuse angles at
+    /// boundaries, where we double the mesh.
     intrinsic: Option<[f64; 2]>,
 }
 
@@ -58,8 +58,8 @@ fn energy(laplacian: &SparseMatrix, vertices: &[[f64; 3]]) -> f64 {
 
 /// Symmetric bit for bit, finite, and constants in the null space.
 fn check_invariants(what: &str, laplacian: &SparseMatrix) {
-    assert_eq!(laplacian, &laplacian.transpose(), "{what} is symmetric");
-    assert!(laplacian.values().iter().all(|v| v.is_finite()), "{what} is finite");
+    assert_eq!(laplacian, &laplacian.transpose(), "{what}: not symmetric");
+    assert!(laplacian.values().iter().all(|v| v.is_finite()), "{what}: not finite");
     let ones = laplacian.multiply(&vec![1.0; laplacian.rows()]);
     for (row, (sum, diagonal)) in ones.iter().zip(laplacian.diagonal()).enumerate() {
         assert!(sum.abs() <= 1e-12 * (1.0 + diagonal.abs()), "{what}: row {row} sums to {sum}");

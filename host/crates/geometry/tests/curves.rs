@@ -1,10 +1,11 @@
-//! Winding numbers of curves in the plane: the fast ones beside the exact ones.
+//! Winding numbers of curves in the plane: fast compared with exact.
 
 mod support {
     pub(crate) mod outlines;
 }
 
-use armature_geometry::{FastWindingNumber2d, MeshError, WindingNumberHierarchy2d, winding_number_2d};
+use armature_geometry::MeshError;
+use armature_geometry::winding::{FastWindingNumber2d, WindingNumberHierarchy2d, winding_number_2d};
 use proptest::prelude::*;
 use support::outlines;
 
@@ -17,8 +18,8 @@ fn fast_is_near_the_exact_one_on_all_kinds_of_outlines() {
         let off = |k: usize| (exact[k] - fast[k]).abs();
         let most = (0..points.len()).map(off).fold(0.0, f64::max);
         let mean = (0..points.len()).map(off).sum::<f64>() / points.len() as f64;
-        assert!(most < 5e-3 && mean < 1e-3, "{name}: off by {most}, {mean} in the mean");
-        assert!(most > 0.0, "{name}: nothing was expanded");
+        assert!(most < 5e-3 && mean < 1e-3, "{name}: off by {most}, {mean} on average");
+        assert!(most > 0.0, "{name}: no expansion was used");
     }
 }
 
@@ -65,7 +66,7 @@ fn odd_queries_and_odd_outlines() {
     }
     assert!(fast.evaluate([f64::NAN, 0.0]).is_nan() && fast.evaluate([0.0, f64::INFINITY]).is_nan());
     assert!((-0.01..1.01).contains(&fast.evaluate(vertices[5])));
-    // Segments without a length see nothing, many at one place neither.
+    // Segments of zero length span nothing, however many are at one place.
     let point = FastWindingNumber2d::precompute(&[[1.0; 2]], &[[0, 0]; 50]).unwrap();
     assert!(point.evaluate([0.0; 2]).abs() < 1e-12 && point.evaluate([1.0; 2]).abs() < 1e-12);
     assert_eq!(FastWindingNumber2d::precompute(&[], &[]).unwrap_err(), MeshError::Empty);
@@ -77,7 +78,7 @@ fn odd_queries_and_odd_outlines() {
 }
 
 proptest! {
-    /// Segments between few places: places with many segments, there and back, segments twice, no length.
+    /// Segments between few places: places with many segments, both directions, repeated segments, zero length.
     #[test]
     fn soups_are_no_harder(
         places in prop::collection::vec(prop::array::uniform2(-1.0..1.0_f64), 2..60),

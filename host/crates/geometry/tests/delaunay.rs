@@ -1,18 +1,18 @@
-//! Delaunay tetrahedra: what makes them such, on all kinds of points, and against going through everything.
+//! Delaunay tetrahedra: their defining properties, for all kinds of points, and comparison with brute force.
 
 mod support;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
-use armature_geometry::{DelaunayError, DelaunayTetrahedra, delaunay_tetrahedra};
+use armature_geometry::delaunay::{DelaunayError, DelaunayTetrahedra, delaunay_tetrahedra};
 use proptest::prelude::*;
 use robust::{Coord3D, insphere, orient3d};
 
 type Points = Vec<[f64; 3]>;
 
 fn tetrahedralise(points: &[[f64; 3]]) -> Result<DelaunayTetrahedra, DelaunayError> {
-    delaunay_tetrahedra(points, &mut |_| ControlFlow::Continue(()))
+    delaunay_tetrahedra(points, &mut |_, _| ControlFlow::Continue(()))
 }
 
 /// The three corners of the facet opposite corner `k`, counter-clockwise seen from outside.
@@ -25,7 +25,7 @@ fn volume6(a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]) -> f64 {
     (b - a).dot((c - a).cross(d - a))
 }
 
-/// Everything that has to hold for any points; the sum of volumes times six comes back.
+/// Everything that must hold for any points; returns the sum of volumes times six.
 fn check(points: &[[f64; 3]], delaunay: &DelaunayTetrahedra) -> f64 {
     let DelaunayTetrahedra { tetrahedra, neighbours, first_at_place } = delaunay;
     let at = |v: u32| points[v as usize];
@@ -34,7 +34,7 @@ fn check(points: &[[f64; 3]], delaunay: &DelaunayTetrahedra) -> f64 {
     assert_eq!(tetrahedra.len(), neighbours.len());
     for (index, (&t, across)) in tetrahedra.iter().zip(neighbours).enumerate() {
         let [a, b, c, d] = t.map(exact);
-        // The predicates' orientation is the opposite of ours.
+        // The predicate's orientation is the opposite of ours.
         assert!(orient3d(a, b, c, d) < 0.0, "{t:?} is flat or inside out");
         for k in 0..4 {
             let mut seen = facet(t, k);
@@ -54,7 +54,7 @@ fn check(points: &[[f64; 3]], delaunay: &DelaunayTetrahedra) -> f64 {
     check_vertices(points, delaunay);
     check_hull(points, &hull);
     check_euler(tetrahedra, hull.len(), first_at_place);
-    // Both sums are rounded, and hulls may lie far from the origin.
+    // Both sums are rounded, and hulls may be far from the origin.
     let inside: f64 = tetrahedra.iter().map(|t| volume6(at(t[0]), at(t[1]), at(t[2]), at(t[3]))).sum();
     let anchor = at(tetrahedra[0][0]);
     let around: f64 = hull.iter().map(|f| volume6(anchor, at(f[0]), at(f[1]), at(f[2]))).sum();
@@ -66,14 +66,14 @@ fn check_vertices(points: &[[f64; 3]], delaunay: &DelaunayTetrahedra) {
     let used: BTreeSet<u32> = delaunay.tetrahedra.iter().flatten().copied().collect();
     let mut first: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     for (index, p) in points.iter().enumerate() {
-        // Adding zero makes one zero of the two.
+        // Adding zero turns -0 into 0.
         let first = *first.entry(p.map(|c| (c + 0.0).to_bits())).or_insert(index as u32);
         assert_eq!(delaunay.first_at_place[index], first, "point {index}");
         assert_eq!(used.contains(&(index as u32)), first == index as u32, "point {index}");
     }
 }
 
-/// The facets of the hull close, and turn nowhere inwards; that makes it convex.
+/// The hull's facets form a closed surface that nowhere turns inwards, so it is convex.
 fn check_hull(points: &[[f64; 3]], hull: &[[u32; 3]]) {
     let exact = |v: u32| {
         let [x, y, z] = points[v as usize];
@@ -81,7 +81,7 @@ fn check_hull(points: &[[f64; 3]], hull: &[[u32; 3]]) {
     };
     let opposite: BTreeMap<[u32; 2], u32> =
         hull.iter().flat_map(|f| (0..3).map(|k| ([f[k], f[(k + 1) % 3]], f[(k + 2) % 3]))).collect();
-    assert_eq!(opposite.len(), 3 * hull.len(), "an edge of the hull comes twice");
+    assert_eq!(opposite.len(), 3 * hull.len(), "an edge of the hull occurs twice");
     for (&[from, to], &tip) in &opposite {
         let other = *opposite.get(&[to, from]).expect("the hull is closed");
         assert!(orient3d(exact(from), exact(to), exact(tip), exact(other)) >= 0.0, "the hull turns inwards");
@@ -145,7 +145,7 @@ fn points_on_spheres_and_layers() {
     let sphere = support::sphere(4).vertices;
     let volume = check(&sphere, &tetrahedralise(&sphere).unwrap()) / 6.0;
     assert!((volume / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 0.01, "{volume}");
-    // Nested, and with the centre: every sphere's points share one circumsphere nearly, or exactly.
+    // Nested, and with the centre: every sphere's points are cospherical, nearly or exactly.
     let mut nested = vec![[0.0; 3]];
     nested.extend([0.25, 0.5, 1.0].iter().flat_map(|r| sphere.iter().map(move |p| p.map(|c| c * r))));
     check(&nested, &tetrahedralise(&nested).unwrap());
@@ -167,7 +167,7 @@ fn clusters_lines_and_duplicates() {
     let clustered: Points =
         random(4000).iter().enumerate().map(|(i, p)| p.map(|c| c * 10_f64.powi(-(i as i32 % 12)))).collect();
     check(&clustered, &tetrahedralise(&clustered).unwrap());
-    // Two skew lines: each segment of one with each of the other.
+    // Two skew lines: every segment of one forms a tetrahedron with every segment of the other.
     let lines =
         |n: u32| -> Points { (0..n).flat_map(|i| [[f64::from(i), 0.0, 0.0], [0.0, f64::from(i), 1.0]]).collect() };
     let refused = tetrahedralise(&lines(4000)).unwrap_err();
@@ -188,7 +188,7 @@ fn scale_changes_nothing() {
         let scaled: Points = points.iter().map(|p| p.map(|c| libm::scalbn(c, exponent))).collect();
         assert_eq!(tetrahedralise(&scaled).as_ref(), Ok(&expected), "2^{exponent}");
     }
-    // Far from the origin, where few bits are left, many points fall together.
+    // Far from the origin, where few bits are left, many points coincide.
     let far: Points = points.iter().map(|p| p.map(|c| c + 1e14)).collect();
     check(&far, &tetrahedralise(&far).unwrap());
     let thin: Points = points.iter().map(|&[x, y, z]| [1e-40 * x, 1e-20 * y, z]).collect();
@@ -211,7 +211,7 @@ fn what_has_no_volume_is_said() {
     points[7][1] = 1e-300;
     assert_eq!(told(&points), DelaunayError::TooFine { point: 7 });
     points[7] = [f64::MAX, -f64::MAX, f64::MAX];
-    assert!(matches!(told(&points), DelaunayError::TooFine { .. }), "beside that largest one, all others are nothing");
+    assert!(matches!(told(&points), DelaunayError::TooFine { .. }), "all others vanish beside the largest");
     points[7] = [1e90, -1e90, 1e80];
     assert!(tetrahedralise(&points).is_ok());
 }
@@ -219,7 +219,7 @@ fn what_has_no_volume_is_said() {
 #[test]
 fn it_can_be_cancelled() {
     let mut calls = 0;
-    let cancel = &mut |done: f64| {
+    let cancel = &mut |_: &str, done: f64| {
         calls += 1;
         assert!((0.0..=1.0).contains(&done));
         if done > 0.5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -237,7 +237,7 @@ fn vertices_of_real_meshes() {
     }
 }
 
-/// The sphere determinant in whole numbers, positive inside: 4×4, rows Δx, Δy, Δz, |Δ|².
+/// The sphere determinant in integers, positive inside: 4×4, rows Δx, Δy, Δz, |Δ|².
 fn in_sphere_of_integers(corners: [[i64; 3]; 5]) -> i64 {
     let rows: [[i64; 4]; 4] = std::array::from_fn(|r| {
         let [x, y, z] = std::array::from_fn(|k| corners[r][k] - corners[4][k]);

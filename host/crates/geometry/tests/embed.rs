@@ -1,4 +1,4 @@
-//! Points in volumes: found where they are, brought back to where they were, and not moved across gaps.
+//! Points in volumes: found where they are, placed back where they were, and not moved across gaps.
 
 #![allow(clippy::unwrap_used, reason = "a helper of a test that cannot go on has to fail it")]
 
@@ -6,10 +6,11 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    EmbedError, Embedding, FastWindingNumber, MeshError, SurfacePlaceHint, TetrahedralMesh, TriangleMesh,
-    delaunay_tetrahedra, embed_points, simplify,
-};
+use armature_geometry::delaunay::delaunay_tetrahedra;
+use armature_geometry::embed::{EmbedError, Embedding, SurfacePlaceHint, embed_points};
+use armature_geometry::simplify::simplify;
+use armature_geometry::winding::FastWindingNumber;
+use armature_geometry::{MeshError, TetrahedralMesh, TriangleMesh};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -51,7 +52,7 @@ fn distances_from_a_box_are_known() {
     }
     let exactly: Vec<[f64; 3]> = mesh.vertices.clone();
     assert!(embed(&mesh, &exactly).distance.iter().all(|&d| d == 0.0), "vertices are inside");
-    // Points with hints find the same places.
+    // Points with hints end up in the same places.
     let hints: Vec<SurfacePlaceHint> = (0..points.len() as u32)
         .map(|k| SurfacePlaceHint { vertices: [k % 343, SurfacePlaceHint::UNKNOWN, (7 * k) % 343] })
         .collect();
@@ -96,7 +97,7 @@ fn hints_keep_points_on_their_side_of_a_gap() {
         found.unwrap() as u32
     };
     let mut noise = support::noise();
-    // Those of the lower box lie above it, even within the upper one.
+    // Hints place these points in the lower box, although they are above it, some of them inside the upper box.
     let points: Vec<[f64; 3]> =
         (0..500).map(|_| [0.5 + 0.5 * noise(), 0.5 + 0.5 * noise(), 1.015 + 0.015 * noise()]).collect();
     let hint = |p: &[f64; 3]| SurfacePlaceHint { vertices: [nearest(&lower.vertices, *p); 3] };
@@ -111,9 +112,9 @@ fn hints_keep_points_on_their_side_of_a_gap() {
     assert!(embed(&mesh, &points).tetrahedra.iter().any(|&t| !is_lower(t)), "without hints some change sides");
 }
 
-/// The Delaunay tetrahedra of the vertices of a surface whose middles are inside.
+/// The Delaunay tetrahedra of a surface's vertices whose barycentres are inside.
 fn rough_volume(surface: &TriangleMesh) -> TetrahedralMesh {
-    let all = delaunay_tetrahedra(&surface.vertices, &mut |_| ControlFlow::Continue(())).unwrap().tetrahedra;
+    let all = delaunay_tetrahedra(&surface.vertices, &mut |_, _| ControlFlow::Continue(())).unwrap().tetrahedra;
     let middle = |t: &[u32; 4]| {
         let corners = t.map(|v| DVec3::from(surface.vertices[v as usize]));
         (0.25 * corners.into_iter().sum::<DVec3>()).to_array()
@@ -128,7 +129,7 @@ fn rough_volume(surface: &TriangleMesh) -> TetrahedralMesh {
 fn the_armadillo_rides_in_a_coarse_volume() {
     for (file, target, most) in [("armadillo.obj", 10_000, 0.004), ("elephant.obj", 1500, 0.012)] {
         let Some(fine) = support::shared_triangles(file) else { continue };
-        let simplified = simplify(&fine, target, &mut |_| ControlFlow::Continue(())).unwrap();
+        let simplified = simplify(&fine, target, &mut |_, _| ControlFlow::Continue(())).unwrap();
         let volume = rough_volume(&simplified.mesh);
         let hints = simplified.hints(Some);
         let hinted = embed_points(&volume, &fine.vertices, Some(&hints)).unwrap();
@@ -139,7 +140,7 @@ fn the_armadillo_rides_in_a_coarse_volume() {
         let mut apart = 0;
         for point in 0..fine.vertices.len() {
             let (near, nearest) = (hinted.distance[point], free.distance[point]);
-            assert!(near >= nearest - 1e-12 * diagonal, "nothing is nearer than the nearest");
+            assert!(near >= nearest - 1e-12 * diagonal, "nearer than the nearest place");
             assert!(near < most * diagonal, "{file}, vertex {point}: {}", near / diagonal);
             apart += usize::from(near > nearest + 1e-9 * diagonal);
         }

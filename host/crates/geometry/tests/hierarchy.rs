@@ -1,11 +1,11 @@
-//! The hierarchy against going through all triangles one by one, and all of geometry against random soups.
+//! The hierarchy against brute force over all triangles, and all of geometry against random soups.
 
 mod support;
 
-use armature_geometry::{
-    Lumping, TriangleHierarchy, TriangleMesh, closest_on_segment, cotangent_laplacian, diagnose,
-    intrinsic_delaunay_laplacian, lumped_mass,
-};
+use armature_geometry::TriangleMesh;
+use armature_geometry::operators::{Lumping, cotangent_laplacian, intrinsic_delaunay_laplacian, lumped_mass};
+use armature_geometry::search::{TriangleHierarchy, closest_on_segment};
+use armature_geometry::surface::diagnose;
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 
@@ -13,7 +13,7 @@ fn corners(mesh: &TriangleMesh, triangle: usize) -> [DVec3; 3] {
     mesh.triangles[triangle].map(|v| DVec3::from(mesh.vertices[v as usize]))
 }
 
-/// Where a segment meets a triangle's plane inside the triangle, by solving three equations.
+/// Where a segment meets a triangle's plane within the triangle, by solving three equations.
 fn meets([a, b, c]: [DVec3; 3], from: DVec3, to: DVec3) -> Option<f64> {
     let system = DMat3::from_cols(b - a, c - a, from - to);
     if system.determinant() == 0.0 {
@@ -79,7 +79,7 @@ fn nothing_slips_through_between_triangles_of_a_closed_surface() {
     let mesh = support::sphere(3);
     let hierarchy = TriangleHierarchy::new(&mesh).unwrap();
     for (index, vertex) in mesh.vertices.iter().enumerate() {
-        // Through vertices and through the middles of edges, where two or six triangles share the hit.
+        // Through vertices and through the midpoints of edges, where six or two triangles share the hit.
         let [a, b, _] = mesh.triangles[index];
         let middle = DVec3::from(mesh.vertices[a as usize]) + DVec3::from(mesh.vertices[b as usize]);
         for target in [DVec3::from(*vertex), middle] {

@@ -1,4 +1,4 @@
-//! Sliver removal and smoothing: what has to hold after it on all kinds of meshes, and how much better they become.
+//! Sliver removal and smoothing: what must hold afterwards on all kinds of meshes, and how much better they become.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -8,10 +8,12 @@ mod volume;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    ImproveError, ImproveOutcome, ImproveSettings, Improvement, MeshError, TetrahedralMesh, delaunay_tetrahedra,
-    dihedral_angles, improve_tetrahedra,
+use armature_geometry::delaunay::delaunay_tetrahedra;
+use armature_geometry::improve::{
+    BoundaryGive, ImproveError, ImproveOutcome, ImproveSettings, Improvement, dihedral_angles, improve_tetrahedra,
+    improve_with_boundary,
 };
+use armature_geometry::{MeshError, TetrahedralMesh};
 use proptest::prelude::*;
 use robust::{Coord3D, orient3d};
 use volume::volume_of;
@@ -19,7 +21,7 @@ use volume::volume_of;
 const FACETS: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
 fn improve(mesh: &mut TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]]) -> Result<Improvement, ImproveError> {
-    improve_tetrahedra(mesh, fixed, locked, &ImproveSettings::default(), &mut |_| ControlFlow::Continue(()))
+    improve_tetrahedra(mesh, fixed, locked, &ImproveSettings::default(), &mut |_, _| ControlFlow::Continue(()))
 }
 
 fn free(mesh: &TetrahedralMesh) -> Vec<bool> {
@@ -42,7 +44,7 @@ fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
     [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap()
 }
 
-/// Sum of the volumes times six, rounding of the sum made good (Neumaier).
+/// Sum of the volumes times six, with compensated rounding (Neumaier).
 fn six_volumes(mesh: &TetrahedralMesh) -> f64 {
     let (mut sum, mut lost) = (0.0_f64, 0.0);
     for t in &mesh.tetrahedra {
@@ -55,7 +57,7 @@ fn six_volumes(mesh: &TetrahedralMesh) -> f64 {
     sum + lost
 }
 
-/// All that has to hold whatever the mesh.
+/// Everything that must hold for any mesh.
 fn check(before: &TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]]) -> (TetrahedralMesh, Improvement) {
     let mut after = before.clone();
     let improvement = improve(&mut after, fixed, locked).unwrap();
@@ -99,7 +101,7 @@ fn check(before: &TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]]) -> (Tetr
     (after, improvement)
 }
 
-/// Every `step`-th of the facets inside.
+/// Every `step`-th interior facet.
 fn some_inner_facets(mesh: &TetrahedralMesh, step: usize) -> Vec<[u32; 3]> {
     let outside = boundary(mesh);
     facets(mesh).step_by(step).filter(|&f| !outside.contains(&turned(f))).collect()
@@ -152,7 +154,7 @@ fn locked_facets_and_fixed_vertices_stay() {
     let fixed: Vec<bool> = (0..mesh.vertices.len()).map(|v| v % 3 == 0).collect();
     let (_, some) = check(&mesh, &fixed, &locked);
     assert!(some.bad_after < some.bad_before / 2, "{} of {}", some.bad_after, some.bad_before);
-    // With every facet locked nothing is left to do, and that is said.
+    // With every facet locked there is nothing to do, and the outcome says so.
     let (after, nothing) = check(&mesh, &fixed, &some_inner_facets(&mesh, 1));
     assert_eq!((nothing.outcome, nothing.bad_after), (ImproveOutcome::NothingMoreHelps, nothing.bad_before));
     assert_eq!(nothing.bad_without_free_corner, nothing.bad_after);
@@ -166,7 +168,7 @@ fn slivers_of_a_nearly_exact_lattice_vanish() {
         .map(|i| [i % 12, i / 12 % 12, i / 144].map(f64::from))
         .map(|p| p.map(|c| if c > 0.0 && c < 11.0 { c + 1e-7 * noise() } else { c }))
         .collect();
-    let tetrahedra = delaunay_tetrahedra(&points, &mut |_| ControlFlow::Continue(())).unwrap().tetrahedra;
+    let tetrahedra = delaunay_tetrahedra(&points, &mut |_, _| ControlFlow::Continue(())).unwrap().tetrahedra;
     let mesh = TetrahedralMesh { vertices: points, tetrahedra };
     let (_, improvement) = check(&mesh, &free(&mesh), &[]);
     assert!(improvement.before.smallest < 1e-6 && improvement.before.share_below(5) > 0.01);
@@ -208,7 +210,7 @@ fn cancelling_leaves_the_mesh_as_it_was() {
     for stop_at in 0..3 {
         let mut after = mesh.clone();
         let (mut calls, mut last) = (0, 0.0);
-        let mut progress = |fraction: f64| {
+        let mut progress = |_: &str, fraction: f64| {
             assert!(fraction >= last && fraction <= 1.0);
             (calls, last) = (calls + 1, fraction);
             if calls > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -260,7 +262,7 @@ fn hostile_input_gives_errors_that_name_it() {
     assert_eq!(improve(&mut mesh, &[true], &[]), Err(ImproveError::FixedLength { given: 1, vertices: 6 }));
     for radians in [0.0, -1.0, 2.0, f64::NAN, f64::INFINITY] {
         let settings = ImproveSettings { smallest_dihedral: radians, ..ImproveSettings::default() };
-        let error = improve_tetrahedra(&mut mesh, &[false; 6], &[], &settings, &mut |_| ControlFlow::Continue(()));
+        let error = improve_tetrahedra(&mut mesh, &[false; 6], &[], &settings, &mut |_, _| ControlFlow::Continue(()));
         assert!(matches!(error, Err(ImproveError::BadGoal { .. })));
     }
 }
@@ -278,7 +280,7 @@ proptest! {
         let mut noise = support::noise();
         let vertices: Vec<[f64; 3]> =
             points.iter().map(|p| p.map(|c| f64::from(c) + jitter * noise())).collect();
-        if let Ok(delaunay) = delaunay_tetrahedra(&vertices, &mut |_| ControlFlow::Continue(())) {
+        if let Ok(delaunay) = delaunay_tetrahedra(&vertices, &mut |_, _| ControlFlow::Continue(())) {
             let mesh = TetrahedralMesh { vertices, tetrahedra: delaunay.tetrahedra };
             let locked = some_inner_facets(&mesh, step);
             let fixed: Vec<bool> = (0..mesh.vertices.len()).map(|v| v % fixed_every == 1).collect();
@@ -286,7 +288,7 @@ proptest! {
         }
     }
 
-    /// Any subset of positive tetrahedra: facets, edges and vertices meet in every way there is, and may overlap.
+    /// Any subset of positive tetrahedra: facets, edges and vertices meet in every possible way, and may overlap.
     #[test]
     fn tetrahedra_at_random_are_improved_or_refused(
         points in prop::collection::vec([-4..5_i32, -4..5_i32, -4..5_i32], 5..14),
@@ -320,4 +322,73 @@ proptest! {
             }
         }
     }
+}
+
+/// A box of tetrahedra whose uppermost layer is next to nothing in the middle.
+fn with_bad_boundary() -> TetrahedralMesh {
+    let mut mesh = support::box_of_tetrahedra(5, 0.0);
+    let mut noise = support::noise();
+    for place in mesh.vertices.iter_mut().filter(|p| p[2] > 0.99 && p[0] > 0.01 && p[0] < 0.99) {
+        place[2] = 0.803 + 0.002 * noise();
+    }
+    let at = |v: u32| glam::DVec3::from(mesh.vertices[v as usize]);
+    for t in &mut mesh.tetrahedra {
+        let [a, b, c, d] = t.map(at);
+        if (b - a).dot((c - a).cross(d - a)) < 0.0 {
+            t.swap(0, 1);
+        }
+    }
+    mesh
+}
+
+fn give_way(mesh: &mut TetrahedralMesh, fixed: &[bool], far: f64) -> Result<Improvement, ImproveError> {
+    let (recede, bulge) = (vec![far; mesh.vertices.len()], vec![0.0; mesh.vertices.len()]);
+    let give = BoundaryGive { recede: &recede, bulge: &bulge };
+    improve_with_boundary(mesh, fixed, &give, &ImproveSettings::default(), &mut |_, _| ControlFlow::Continue(()))
+}
+
+#[test]
+fn a_boundary_that_gives_way_leaves_no_slivers() {
+    let before = with_bad_boundary();
+    let mut stays = before.clone();
+    improve(&mut stays, &free(&before), &[]).unwrap();
+    let stuck = dihedral_angles(&stays).unwrap();
+    assert!(stuck.share_below(5) > 0.0, "the boundary alone has to cause slivers");
+    let mut gives = before.clone();
+    let done = give_way(&mut gives, &free(&before), 0.02).unwrap();
+    let after = dihedral_angles(&gives).unwrap();
+    assert!(after.smallest.to_degrees() > 5.0, "{} {done:?}", after.smallest.to_degrees());
+    assert!(done.operations.dropped + done.operations.boundary_contractions + done.operations.boundary_smoothings > 0);
+    // It receded, by less than it may: no more than that off all of the surface.
+    let (was, is) = (six_volumes(&before), six_volumes(&gives));
+    assert!(is <= was && is > was - 6.0 * 6.0 * 0.02, "{is} of {was}");
+    boundary(&gives);
+    for &[lost, place] in &done.vertices_merged {
+        assert!(!gives.tetrahedra.iter().flatten().any(|&v| v == lost));
+        assert!(gives.tetrahedra.iter().flatten().any(|&v| v == place));
+    }
+}
+
+#[test]
+fn what_may_not_give_way_stays() {
+    let before = with_bad_boundary();
+    // Nothing may give way: as with a boundary that stays.
+    let mut stays = before.clone();
+    give_way(&mut stays, &free(&before), 0.0).unwrap();
+    assert!((six_volumes(&stays) - six_volumes(&before)).abs() < 1e-9);
+    let on_boundary: BTreeSet<u32> = boundary(&before).into_iter().flatten().collect();
+    let fixed: Vec<bool> = (0..before.vertices.len() as u32).map(|v| on_boundary.contains(&v)).collect();
+    let mut fixed_too = before.clone();
+    give_way(&mut fixed_too, &fixed, 0.02).unwrap();
+    for &v in &on_boundary {
+        let [was, is] = [&before, &fixed_too].map(|mesh| mesh.vertices[v as usize].map(f64::to_bits));
+        assert_eq!(was, is);
+        assert!(fixed_too.tetrahedra.iter().flatten().any(|&u| u == v), "vertex {v} is gone");
+    }
+    let give = BoundaryGive { recede: &[0.1], bulge: &[] };
+    let settings = ImproveSettings::default();
+    let error = improve_with_boundary(&mut before.clone(), &free(&before), &give, &settings, &mut |_, _| {
+        ControlFlow::Continue(())
+    });
+    assert!(matches!(error, Err(ImproveError::GiveLength { given: 1, .. })));
 }

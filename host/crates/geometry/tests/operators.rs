@@ -4,10 +4,12 @@ mod support;
 
 use std::f64::consts::PI;
 
-use armature_geometry::{
-    Lumping, SparseMatrix, TriangleMesh, cotangent_laplacian, cotangent_laplacian_of_triangles,
-    cotangent_laplacian_tetrahedra, diagnose, intrinsic_delaunay_laplacian, lumped_mass, lumped_mass_tetrahedra,
+use armature_geometry::TriangleMesh;
+use armature_geometry::operators::{
+    Lumping, SparseMatrix, cotangent_laplacian, cotangent_laplacian_of_triangles, cotangent_laplacian_tetrahedra,
+    intrinsic_delaunay_laplacian, lumped_mass, lumped_mass_tetrahedra,
 };
+use armature_geometry::surface::diagnose;
 
 /// `-fᵀLf / fᵀMf`.
 fn rayleigh(laplacian: &SparseMatrix, mass: &[f64], f: &[f64]) -> f64 {
@@ -97,10 +99,10 @@ fn linear_functions_are_harmonic_in_the_plane_before_and_after_flipping() {
         "the test needs obtuse edges"
     );
     assert!(intrinsic.flips > 50);
-    let boundary: Vec<u32> = armature_geometry::boundary_edges(&mesh).into_iter().flatten().collect();
+    let boundary: Vec<u32> = armature_geometry::surface::boundary_edges(&mesh).into_iter().flatten().collect();
     let f: Vec<f64> = flat.iter().map(|[x, y]| 3.0 * x - y).collect();
     for laplacian in [&in_space, &intrinsic.matrix] {
-        // The doubled cover may flip across the boundary; vertices away from it see a flat surface only.
+        // The doubled cover may flip across the boundary; vertices away from it only see a flat surface.
         let lf = laplacian.multiply(&f);
         for vertex in (0..flat.len()).filter(|v| !boundary.contains(&(*v as u32))) {
             let beside = laplacian.column(vertex).any(|(other, _)| boundary.contains(&(other as u32)));

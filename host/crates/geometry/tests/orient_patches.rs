@@ -1,13 +1,13 @@
-//! Meshes with triangles turned at random come back as they were.
+//! Meshes with randomly reversed triangles are restored.
 
 mod support;
 
 use std::time::Instant;
 
-use armature_geometry::{
-    FastWindingNumber, MeshError, OrientedPatches, PatchVerdict, TriangleMesh, edges, flipped_components,
-    orient_patches,
-};
+use armature_geometry::orientation::{OrientedPatches, PatchVerdict, flipped_components, orient_patches};
+use armature_geometry::surface::edges;
+use armature_geometry::winding::FastWindingNumber;
+use armature_geometry::{MeshError, TriangleMesh};
 use proptest::prelude::*;
 
 fn turn(mesh: &TriangleMesh, mut wants: impl FnMut(usize) -> bool) -> TriangleMesh {
@@ -20,7 +20,7 @@ fn turn(mesh: &TriangleMesh, mut wants: impl FnMut(usize) -> bool) -> TriangleMe
     turned
 }
 
-/// Triangles with their smallest vertex first, which keeps their direction.
+/// Triangles with their smallest vertex first, keeping their direction.
 fn directed(mesh: &TriangleMesh) -> Vec<[u32; 3]> {
     let first = |&[a, b, c]: &[u32; 3]| {
         if a <= b && a <= c {
@@ -48,7 +48,7 @@ fn join(parts: &[(&TriangleMesh, [f64; 3], f64)]) -> TriangleMesh {
     mesh
 }
 
-/// A strip of `count` quads bent to a ring, with half a turn in it if `twisted`.
+/// A strip of `count` quads bent into a ring, with a half twist if `twisted`.
 fn ring(count: u32, twisted: bool) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for k in 0..count {
@@ -93,7 +93,7 @@ fn a_random_half_of_the_triangles_comes_back() {
         assert!(oriented.turned == wanted, "{name}");
         assert_eq!(oriented.patches.iter().map(|p| p.turned).sum::<usize>(), wanted.len());
         assert!(oriented.contradictions.is_empty());
-        // Nothing is left to do, and nothing is done to a sound mesh.
+        // There is nothing left to do, and nothing to do on a sound mesh.
         assert!(orient_patches(&oriented.mesh).unwrap().turned.is_empty(), "{name}");
         assert!(orient_patches(&mesh).unwrap().turned.is_empty(), "{name}");
     }
@@ -119,7 +119,7 @@ fn whole_components_cavities_and_parts_within() {
     assert_eq!(oriented.undecided().count(), 0);
     assert!((oriented.patches[0].mean_winding.unwrap() - 0.5).abs() < 0.01, "{:?}", oriented.patches);
     assert_eq!(oriented.mesh, flipped_components(&mesh).unwrap().corrected(&mesh));
-    // Half of the cavity's triangles turned: whether it is one, or a part of its own, nobody can tell.
+    // Half of the cavity's triangles reversed: there is no telling whether it is a cavity or a separate part.
     let half = turn(&mesh, |index| (2 * count..3 * count).contains(&index) && index % 2 == 0);
     let oriented = orient_patches(&half).unwrap();
     assert_eq!(oriented.undecided().collect::<Vec<_>>(), [2]);
@@ -142,7 +142,7 @@ fn open_sheets_agree_and_keep_the_side_of_most_of_their_area() {
     assert_eq!(directed(&oriented.mesh), directed(&mesh));
     assert_eq!(oriented.patches.len(), 1);
     assert_eq!(oriented.patches[0].verdict, PatchVerdict::Open);
-    // A bowl is open as well, but it has an inside.
+    // A bowl is open as well, but has an inside.
     let sphere = support::sphere(3);
     let bowl = TriangleMesh {
         triangles: sphere
@@ -188,7 +188,7 @@ fn copies_follow_the_first_and_degenerate_triangles_stay() {
 
 #[test]
 fn a_wall_inside_a_solid_does_not_turn_its_skin() {
-    // Two rooms with a wall between them, whose rim has edges with three triangles.
+    // Two chambers with a wall between them, whose rim has edges with three triangles.
     let mut mesh = TriangleMesh::default();
     for x in 0..3_u32 {
         mesh.vertices.extend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[y, z]| [f64::from(x), y, z]));
@@ -236,7 +236,7 @@ fn the_truck_gets_better() {
     let by_components = inside_out(&flipped_components(&truck).unwrap().corrected(&truck));
     let (before, after) = (inside_out(&truck), inside_out(&oriented.mesh));
     println!(
-        "truck: {before} points of 20,000 inside out, {by_components} with components turned, {after} with patches; {} patches, {} undecided, {} triangles turned",
+        "truck: {before} points of 20,000 inside out, {by_components} with components reversed, {after} with patches; {} patches, {} undecided, {} triangles reversed",
         oriented.patches.len(),
         oriented.undecided().count(),
         oriented.turned.len()
@@ -253,7 +253,7 @@ fn bad_meshes_are_refused() {
 }
 
 proptest! {
-    /// Triangles between few vertices: edges with many triangles, copies, degenerate ones.
+    /// Triangles between few vertices: edges with many triangles, duplicates, degenerate ones.
     #[test]
     fn soups_come_back_whole(
         vertices in prop::collection::vec(prop::array::uniform3(-1.0..1.0_f64), 3..40),

@@ -1,4 +1,4 @@
-//! Domains in the plane: what has to hold for any outline, and what is known of some.
+//! Domains in the plane: what must hold for any outline, and what is known of some.
 
 #[path = "support/outlines.rs"]
 mod outlines;
@@ -8,10 +8,12 @@ use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    MeshError, PlanarDomain, PlanarError, PlanarInput, PlanarSettings, PlanarShape, Refinement, TriangleMesh,
-    WindingNumberHierarchy2d, cotangent_laplacian_of_triangles, planar_domain, plane_of,
+use armature_geometry::operators::cotangent_laplacian_of_triangles;
+use armature_geometry::planar::{
+    PlanarDomain, PlanarError, PlanarInput, PlanarSettings, PlanarShape, Refinement, planar_domain, plane_of,
 };
+use armature_geometry::winding::WindingNumberHierarchy2d;
+use armature_geometry::{MeshError, TriangleMesh};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use outlines::Outline;
 use proptest::prelude::*;
@@ -23,10 +25,10 @@ fn fill_with(
     settings: &PlanarSettings,
 ) -> Result<PlanarDomain, PlanarError> {
     let shape = PlanarShape::Outline { vertices, segments };
-    planar_domain(&PlanarInput { shape, bones, points }, settings, &mut |_| ControlFlow::Continue(()))
+    planar_domain(&PlanarInput { shape, bones, points }, settings, &mut |_, _| ControlFlow::Continue(()))
 }
 
-/// Fills an outline and checks what has to hold for all.
+/// Fills an outline and checks what must hold for all.
 fn fill(outline: &Outline) -> Result<PlanarDomain, PlanarError> {
     let domain = fill_with(outline, &[], &[], &PlanarSettings::default())?;
     check(&outline.0, &domain);
@@ -63,7 +65,7 @@ fn check(vertices: &[[f64; 2]], domain: &PlanarDomain) {
 /// Symmetric, rows sum to zero, linear functions are in its null space at interior vertices.
 fn check_laplacian(domain: &PlanarDomain, sides: &BTreeMap<[u32; 2], usize>) {
     let laplacian = cotangent_laplacian_of_triangles(&domain.vertices, &domain.triangles);
-    // Vertices that lie nearly, but not quite, on segments leave slivers.
+    // Vertices that are almost on segments leave slivers.
     let sound = domain.report.sharp_triangles == 0;
     assert!(!sound || laplacian.degenerate_elements == 0);
     let matrix = laplacian.matrix;
@@ -146,7 +148,7 @@ fn woody_stays_woody() {
     let shape = PlanarShape::Mesh { vertices: &flat.vertices, triangles: &flat.triangles };
     let input = PlanarInput { shape, bones: &bones, points: &points };
     let mut reports = Vec::new();
-    let domain = planar_domain(&input, &PlanarSettings::default(), &mut |done| {
+    let domain = planar_domain(&input, &PlanarSettings::default(), &mut |_, done| {
         reports.push(done);
         ControlFlow::Continue(())
     })
@@ -168,7 +170,7 @@ fn woody_stays_woody() {
     assert_eq!(DVec2::from(domain.vertices[domain.point_vertices[0] as usize]), points[0].into());
     // From the outline alone, more finely.
     let settings = PlanarSettings { largest_edge: Some(8.0), ..PlanarSettings::default() };
-    let fine = planar_domain(&input, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let fine = planar_domain(&input, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     check(&flat.vertices, &fine);
     assert!(fine.triangles.len() > 2 * domain.triangles.len() && (fine.report.area - area).abs() < 1e-9 * area);
 }
@@ -201,7 +203,7 @@ fn planes_are_found_in_any_position_and_only_where_they_are() {
     let point = TriangleMesh { vertices: vec![[1.0; 3]], triangles: vec![[0, 0, 0]] };
     assert_eq!(plane_of(&point).unwrap(), None);
     assert_eq!(plane_of(&TriangleMesh::default()).unwrap_err(), MeshError::Empty);
-    // On the floor: seen from above, with the front (+Z) below.
+    // On the floor: seen from above, with the front (+Z) at the bottom.
     let floor =
         TriangleMesh { vertices: vec![[0.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 2.0, 1.0]], triangles: vec![[0, 1, 2]] };
     let plane = plane_of(&floor).unwrap().expect("a floor is flat");
@@ -210,7 +212,7 @@ fn planes_are_found_in_any_position_and_only_where_they_are() {
 
 #[test]
 fn a_curve_round_twice_is_filled_once() {
-    // A limaçon: an inner loop that is wound around twice.
+    // A limaçon: the curve winds twice around its inner loop.
     let at = |k: u32| TAU * f64::from(k) / 200.0;
     let limacon = outlines::closed(
         (0..200)
@@ -236,7 +238,7 @@ fn a_curve_round_twice_is_filled_once() {
     let enclosed = enclosed(&limacon);
     assert!((domain.report.area + twice - enclosed).abs() < 1e-9 * enclosed);
     assert!(domain.winding.iter().all(|w| (w - w.round()).abs() < 1e-9));
-    // A pentagram's centre too.
+    // The centre of a pentagram too.
     let star = outlines::closed(
         (0..5).map(|k| [(TAU * f64::from(2 * k) / 5.0).cos(), (TAU * f64::from(2 * k) / 5.0).sin()]).collect(),
     );
@@ -249,12 +251,12 @@ fn a_curve_round_twice_is_filled_once() {
 fn a_figure_eight_has_one_lobe_that_is_inside_out() {
     let at = |k: u32| TAU * (f64::from(k) + 0.3) / 100.0;
     let mut eight = outlines::closed((0..100).map(|k| [at(k).sin(), at(k).sin() * at(k).cos()]).collect());
-    // The lobe to the right is larger, and so it decides.
+    // The lobe to the right is larger, so it decides.
     eight.0.iter_mut().filter(|p| p[0] > 0.0).for_each(|p| p[1] *= 1.5);
     let domain = fill(&eight).unwrap();
     assert_eq!((domain.report.crossings, domain.report.pieces), (1, 1));
     assert!(domain.vertices.len() > 100 && domain.triangles.iter().all(|&t| corners(&domain, t)[0].x > -1e-2));
-    // The other one is counted as error: it is nearly as large.
+    // The other one counts as error: it is nearly as large.
     assert!((0.5..0.9).contains(&domain.report.winding_error), "{:?}", domain.report);
     let back = fill(&reversed(eight)).unwrap();
     assert!(back.report.turned_over != domain.report.turned_over);
@@ -271,7 +273,7 @@ fn gaps_are_closed() {
     assert!((domain.report.area - area).abs() < 0.02 * area, "{:?}", domain.report);
     assert!(domain.report.pieces == 1 && domain.report.winding_error > 1e-3);
     assert!(domain.input_vertices.iter().all(|v| domain.triangles.iter().flatten().any(|u| u == v)));
-    // A quarter missing in one piece is filled up to about its chord.
+    // A missing quarter is filled up to about its chord.
     let (vertices, mut segments) = outlines::closed(circle(120, [0.0; 2], 1.0));
     segments.retain(|s| s[0] >= 20);
     let area = 0.5 * 100.0 * (TAU / 120.0).sin() + 0.5 * (TAU / 6.0).sin();
@@ -298,8 +300,8 @@ fn holes_within_holes() {
 fn copies_and_strays_do_no_harm() {
     let plain = outlines::flower(80);
     let mut messy = plain.clone();
-    // Every segment three times: twice as it is, once there and back; a vertex twice; a stray one outside; segments
-    // without a length.
+    // Every segment three times: twice as it is, once reversed; a repeated vertex; a stray one outside; segments of
+    // zero length.
     let count = messy.1.len() as u32;
     messy.1.extend(plain.1.clone());
     messy.1.extend(plain.1.iter().flat_map(|&[a, b]| [[a, b], [b, a]]));
@@ -327,7 +329,7 @@ fn sizes_and_places() {
         assert!((area - expected.report.area).abs() < 1e-6 * area, "scale {scale}, offset {offset}: {area}");
         assert!(offset != 0.0 || domain.triangles == expected.triangles);
     }
-    // So far from the origin that its own vertices are a hundredth of it apart.
+    // So far from the origin that coordinates there are a hundredth of the outline apart.
     let far = (plain.0.iter().map(|p| p.map(|c| c * 1e-6 + 1e8)).collect(), plain.1.clone());
     assert!(matches!(fill(&far), Ok(_) | Err(PlanarError::Precision)));
 }
@@ -347,7 +349,7 @@ fn bones_bridge_gaps_between_pieces() {
     let bones = [[[0.2, 0.5], [1.1, 0.5]], [[1.1, 0.5], [1.9, 0.5]]];
     let joined = fill_with(&two, &bones, &[], &settings).unwrap();
     assert_eq!((joined.report.pieces, joined.report.pieces_with_bones), (1, 1));
-    // A bone that sticks out is no reason to grow.
+    // A bone that sticks out does not make the domain grow.
     let out = fill_with(&two, &[[[0.2, 0.5], [0.2, 1.5]], [[0.2, 0.5], [0.2, 40.0]]], &[], &settings).unwrap();
     check(&two.0, &out);
     assert!(out.report.bone_vertices_outside > 0 && (out.report.area - 2.0).abs() < 1e-9);
@@ -401,7 +403,7 @@ fn bad_input_is_named() {
             points: &[],
         },
         &settings,
-        &mut |done| if done > 0.3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) },
+        &mut |_, done| if done > 0.3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) },
     );
     assert_eq!(stopped.unwrap_err(), PlanarError::Cancelled);
     let few = PlanarSettings { most_vertices: 200, largest_edge: Some(0.01), ..settings };
@@ -452,7 +454,7 @@ fn large_outlines_take_no_time() {
     assert!(domain.report.crossings > 500, "{:?}", domain.report);
 }
 
-/// What random outlines have in common: sound triangles, and those that the winding number is sure of are right.
+/// What random outlines have in common: sound triangles, and those of clear winding number are labelled correctly.
 fn agrees_with_winding(outline: &Outline, bones: &[[[f64; 2]; 2]]) -> Result<(), TestCaseError> {
     let domain = match fill_with(outline, bones, &[], &PlanarSettings::default()) {
         Ok(domain) => domain,
@@ -479,7 +481,7 @@ fn agrees_with_winding(outline: &Outline, bones: &[[[f64; 2]; 2]]) -> Result<(),
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// Closed curves through random places, which cross themselves again and again.
+    /// Closed curves through random places, which intersect themselves again and again.
     #[test]
     fn random_closed_curves(
         places in prop::collection::vec(prop::array::uniform2(-1.0..1.0_f64), 3..25),
@@ -488,7 +490,7 @@ proptest! {
         agrees_with_winding(&outlines::closed(places), &bones)?;
     }
 
-    /// Closed curves on a coarse grid: corners on segments, segments on each other, places twice.
+    /// Closed curves on a coarse grid: corners on segments, overlapping segments, repeated places.
     #[test]
     fn random_closed_curves_on_a_grid(
         places in prop::collection::vec(prop::array::uniform2(0_u8..5), 3..25),
@@ -512,14 +514,14 @@ proptest! {
         let gone: Vec<usize> = missing.iter().map(|m| m.index(count)).collect();
         let kept = segments.iter().enumerate().filter(|(k, _)| !gone.contains(k)).map(|(_, &s)| s).collect();
         agrees_with_winding(&(vertices.clone(), kept), &[[[0.0, 0.0], [0.2, 0.1]]])?;
-        // Without gaps the area is what the curve encloses.
+        // Without gaps, the area is what the curve encloses.
         let whole = (vertices, segments);
         let domain = fill(&whole).unwrap();
         prop_assert!((domain.report.area - enclosed(&whole)).abs() < 1e-9 * domain.report.area);
         prop_assert_eq!(domain.report.pieces, 1);
     }
 
-    /// Segments between random places, open ends everywhere, and triangles between them.
+    /// Segments between random places with open ends everywhere, and triangles between them.
     #[test]
     fn random_segments_and_flat_soups(
         places in prop::collection::vec(prop::array::uniform2(-1.0..1.0_f64), 3..20),
@@ -531,7 +533,7 @@ proptest! {
         let triangles: Vec<[u32; 3]> = ends.iter().map(|t| t.map(|v| v % count)).collect();
         let shape = PlanarShape::Mesh { vertices: &places, triangles: &triangles };
         let input = PlanarInput { shape, bones: &[], points: &[] };
-        match planar_domain(&input, &PlanarSettings::default(), &mut |_| ControlFlow::Continue(())) {
+        match planar_domain(&input, &PlanarSettings::default(), &mut |_, _| ControlFlow::Continue(())) {
             Ok(domain) => {
                 check(&places, &domain);
                 prop_assert!(domain.report.winding_error < 100.0 && !domain.report.turned_over);

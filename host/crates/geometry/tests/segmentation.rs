@@ -6,21 +6,23 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    ElementWinding, ElementWindingSettings, FastWindingNumber, Label, Segmentation, SegmentationError,
-    SegmentationSettings, TriangleMesh, WindingNumberHierarchy2d, connect_vertices, connected_pieces,
-    delaunay_tetrahedra, element_winding, graph_cut, graph_cut_with_forced_labels,
+use armature_geometry::TriangleMesh;
+use armature_geometry::delaunay::delaunay_tetrahedra;
+use armature_geometry::segmentation::{
+    ElementWinding, ElementWindingSettings, Label, Segmentation, SegmentationError, SegmentationSettings,
+    connect_vertices, connected_pieces, element_winding, graph_cut, graph_cut_with_forced_labels,
 };
+use armature_geometry::winding::{FastWindingNumber, WindingNumberHierarchy2d};
 use glam::DVec3;
 use proptest::prelude::*;
 
 const HULL: u32 = u32::MAX;
 
-fn go(_: f64) -> ControlFlow<()> {
+fn go(_: &str, _: f64) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// Tetrahedra as the segmentation takes them.
+/// Tetrahedra in the form the segmentation takes.
 struct Elements {
     vertices: Vec<[f64; 3]>,
     tetrahedra: Vec<[u32; 4]>,
@@ -29,7 +31,7 @@ struct Elements {
     volumes: Vec<f64>,
 }
 
-/// The Delaunay tetrahedra of a mesh's vertices, of the corners of a box around, and of `inner` random points there.
+/// The Delaunay tetrahedra of a mesh's vertices, the corners of a box around it, and `inner` random points in the box.
 fn elements(mesh: &TriangleMesh, inner: usize) -> Elements {
     let (low, high) = mesh.bounds().unwrap();
     let mut noise = support::noise();
@@ -72,7 +74,7 @@ impl Elements {
     }
 }
 
-/// The volume where the winding number is at least ½, by random points in a box around.
+/// The volume where the winding number is at least ½, estimated from random points in a surrounding box.
 fn volume_by_points(mesh: &TriangleMesh, count: usize) -> f64 {
     let (low, high) = mesh.bounds().unwrap();
     let mut noise = support::noise();
@@ -166,7 +168,7 @@ fn clean_meshes_are_thresholded() {
         let cut = elements.cut(&whole);
         assert_eq!(cut.changed_by_neighbours, 0, "{file}");
         proven(&cut);
-        // As it is, the surface cuts through elements where Delaunay lost its facets.
+        // In fact the surface cuts through elements where Delaunay lost its facets.
         let cut = elements.cut(&winding);
         let changed = cut.changed_by_neighbours as f64 / winding.len() as f64;
         assert!(changed < 5e-3, "{file}: {changed} of the labels follow their neighbours");
@@ -212,8 +214,8 @@ fn units_do_not_matter() {
         assert_eq!(other.inside, cut.inside);
         assert!((other.energy / cut.energy - 1.0).abs() < 1e-9);
     }
-    // A solid truck: about as much as its winding number fills, though Delaunay loses many of its facets, and nothing
-    // at the corners of the box around.
+    // A solid truck: about as much as its winding number fills, although Delaunay loses many of its facets, and nothing
+    // at the corners of the box around it.
     let by_threshold: Vec<bool> = winding.iter().map(|&w| w >= 0.5).collect();
     let (volume, threshold) = (truck.volume(&cut.inside), truck.volume(&by_threshold));
     assert!((volume / threshold - 1.0).abs() < 0.08, "{volume}, not {threshold}");
@@ -236,8 +238,8 @@ fn quadratures_agree() {
         assert_eq!(coarse.hard, fine.hard);
         assert!(coarse.hard < coarse.means.len());
         assert_eq!(coarse.evaluations, coarse.means.len() + 14 * coarse.hard);
-        // The winding number jumps inside elements that the surface cuts: there 14 points are off by 1/14 and more,
-        // but no more to one side than to the other.
+        // The winding number jumps inside elements that the surface cuts: there 14 points are off by 1/14 or more, but
+        // equally often to either side.
         let difference = |t: usize| fine.means[t] - coarse.means[t];
         let all = 0..coarse.means.len();
         let mean = all.clone().map(|t| difference(t).abs()).sum::<f64>() / coarse.hard as f64;
@@ -250,7 +252,7 @@ fn quadratures_agree() {
 
 #[test]
 fn triangles_in_the_plane() {
-    // A square of 2×2 cells of two triangles in a square of 6×6, its outline open by a quarter of a side.
+    // A square of 2×2 cells of two triangles in a square of 6×6; a quarter of a side of its outline is missing.
     let vertices: Vec<[f64; 2]> = (0..49).map(|i| [f64::from(i % 7), f64::from(i / 7)]).collect();
     let mut triangles: Vec<[u32; 3]> = Vec::new();
     for cell in (0..48).filter(|i| i % 7 < 6 && i / 7 < 6) {
@@ -310,12 +312,12 @@ fn bad_input_is_named() {
         let refused = cut(&[0.0; 2], &pair, &sizes, SegmentationSettings { gamma, sigma }).unwrap_err();
         assert!(matches!(refused, SegmentationError::BadSetting { .. }));
     }
-    // Sizes of zero and of nearly all that a number can be, and nothing at all, are fine.
+    // Sizes of zero, sizes near the largest number, and no elements are all fine.
     for size in [0.0, 1e-320, 1e308] {
         assert_eq!(cut(&[0.9, 0.2], &pair, &[[size; 3]; 2], settings).unwrap().inside, [true, false]);
     }
     assert_eq!(cut(&[], &[], &[], settings).unwrap().inside, [false; 0]);
-    let stop = graph_cut(&[0.0; 2], &pair, &sizes, &settings, &mut |_| ControlFlow::Break(()));
+    let stop = graph_cut(&[0.0; 2], &pair, &sizes, &settings, &mut |_, _| ControlFlow::Break(()));
     assert_eq!(stop, Err(SegmentationError::Cancelled));
     let forced = graph_cut_with_forced_labels(&[0.0; 2], &pair, &sizes, &[Label::Free], &settings, &mut go);
     assert!(matches!(forced, Err(SegmentationError::WrongLength { .. })));
@@ -344,7 +346,7 @@ fn bad_elements_are_named() {
 
 #[test]
 fn vertices_are_joined_by_the_cheapest_chains() {
-    // Two balls apart, and a vertex in the middle of each, near the edge of one, and between them.
+    // Two separate balls, and a vertex in the middle of each, near the edge of one, and between them.
     let mut mesh = support::sphere(2);
     let count = mesh.vertices.len() as u32;
     let other = TriangleMesh {
@@ -382,7 +384,7 @@ fn vertices_are_joined_by_the_cheapest_chains() {
     assert!(added > 0 && now == inside.iter().filter(|&&x| x).count() + added);
     let shortfall: f64 = joined.added.iter().map(|chain| chain.shortfall).sum();
     assert!(joined.added.iter().all(|chain| chain.group == 1) && shortfall < 0.1 * balls.volume(&joined.inside));
-    // From nothing at all a chain of its own grows.
+    // With nothing inside, a chain of its own grows.
     let bare = join(std::slice::from_ref(&bone), &vec![false; inside.len()]).unwrap();
     assert_eq!(connected_pieces(&bare.inside, &balls.neighbours).unwrap().sizes.len(), 1);
     let wrong = join(&[], &inside[1..]);

@@ -1,4 +1,4 @@
-//! Coarse surfaces: as many vertices as asked for, near the given ones, and never touching where those did not.
+//! Coarse surfaces: the requested number of vertices, close to the original, and never touching where that did not.
 
 #![allow(clippy::unwrap_used, reason = "a helper of a test that cannot go on has to fail it")]
 
@@ -6,15 +6,14 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    MeshError, Simplified, SimplifyError, SimplifyOutcome, TriangleMesh, boundary_edges, connected_components, edges,
-    self_intersections, simplify, weld_vertices,
-};
+use armature_geometry::simplify::{Simplified, SimplifyError, SimplifyOutcome, simplify};
+use armature_geometry::surface::{boundary_edges, connected_components, edges, self_intersections, weld_vertices};
+use armature_geometry::{MeshError, TriangleMesh};
 use glam::DVec3;
 use proptest::prelude::*;
 
 fn coarse(mesh: &TriangleMesh, vertices: usize) -> Simplified {
-    let simplified = simplify(mesh, vertices, &mut |_| ControlFlow::Continue(())).unwrap();
+    let simplified = simplify(mesh, vertices, &mut |_, _| ControlFlow::Continue(())).unwrap();
     check(mesh, &simplified);
     simplified
 }
@@ -102,7 +101,7 @@ fn bent(mut mesh: TriangleMesh) -> TriangleMesh {
     mesh
 }
 
-/// Two slabs a hundredth of their size apart.
+/// Two slabs separated by a hundredth of their size.
 fn slabs() -> TriangleMesh {
     let slab = |y: f64| cuboid(DVec3::new(0.0, y, 0.0), DVec3::new(1.0, y + 0.03, 1.0), 0.025);
     bent(join(&[slab(0.0), slab(0.04)]))
@@ -132,7 +131,7 @@ fn a_coarse_sphere_is_a_sphere() {
 #[test]
 fn facing_sheets_stay_apart() {
     for (name, mesh, parts, targets) in [("slabs", slabs(), 2, [500, 1200]), ("fingers", fingers(), 5, [250, 900])] {
-        assert_eq!(meeting(&mesh), 0, "{name} is given apart");
+        assert_eq!(meeting(&mesh), 0, "{name}: touching from the start");
         for target in targets {
             let simplified = coarse(&mesh, target);
             assert_eq!(simplified.outcome, SimplifyOutcome::Reached, "{name}");
@@ -158,7 +157,7 @@ fn a_gap_that_needs_more_vertices_keeps_them() {
     let simplified = coarse(&slabs(), 100);
     let left = simplified.mesh.vertices.len();
     let SimplifyOutcome::Blocked { vertices, by_geometry, .. } = simplified.outcome else {
-        panic!("bent sheets this near to each other cannot do with a hundred: {:?}", simplified.outcome)
+        panic!("bent sheets this close to each other need more than a hundred vertices: {:?}", simplified.outcome)
     };
     assert!(vertices == left && left < 600 && by_geometry > 100, "{:?}", simplified.outcome);
     assert_eq!(meeting(&simplified.mesh), 0);
@@ -186,7 +185,7 @@ fn animals_keep_their_shape() {
     let Some(cow) = support::shared_triangles("cow.off") else { return };
     let simplified = coarse(&cow, 700);
     assert_eq!(simplified.outcome, SimplifyOutcome::Reached);
-    assert!(meeting(&simplified.mesh) <= meeting(&cow), "the cow crosses itself, but no more than it did");
+    assert!(meeting(&simplified.mesh) <= meeting(&cow), "the cow intersects itself, but no more than before");
 }
 
 #[test]
@@ -259,20 +258,20 @@ fn a_flat_sheet_keeps_its_rim() {
     }
     let simplified = coarse(&mesh, 100);
     assert_eq!(simplified.outcome, SimplifyOutcome::Reached);
-    let area: f64 = armature_geometry::triangle_areas(&simplified.mesh).unwrap().iter().sum();
+    let area: f64 = armature_geometry::surface::triangle_areas(&simplified.mesh).unwrap().iter().sum();
     assert!((area - 1.0).abs() < 0.01, "{area}");
     assert!(simplified.mesh.vertices.iter().all(|p| p[2].abs() < 1e-9));
 }
 
 #[test]
 fn hostile_input_has_typed_errors() {
-    let go = |mesh: &TriangleMesh, count: usize| simplify(mesh, count, &mut |_| ControlFlow::Continue(()));
+    let go = |mesh: &TriangleMesh, count: usize| simplify(mesh, count, &mut |_, _| ControlFlow::Continue(()));
     let mut mesh = support::sphere(3);
     assert_eq!(go(&TriangleMesh::default(), 9), Err(SimplifyError::Mesh(MeshError::Empty)));
     assert_eq!(go(&mesh, 3), Err(SimplifyError::TooFew { asked: 3 }));
     let degenerate = TriangleMesh { vertices: mesh.vertices.clone(), triangles: vec![[0, 1, 1], [2, 2, 2]] };
     assert_eq!(go(&degenerate, 9), Err(SimplifyError::NoArea));
-    assert_eq!(simplify(&mesh, 9, &mut |_| ControlFlow::Break(())), Err(SimplifyError::Cancelled));
+    assert_eq!(simplify(&mesh, 9, &mut |_, _| ControlFlow::Break(())), Err(SimplifyError::Cancelled));
     let everything = go(&mesh, usize::MAX).unwrap();
     assert_eq!((everything.mesh.vertices.len(), everything.outcome), (mesh.vertices.len(), SimplifyOutcome::Reached));
     mesh.vertices.push([0.3, 0.2, 5.0]);
@@ -315,7 +314,7 @@ proptest! {
         let vertices: Vec<[f64; 3]> = places.iter().map(|p| p.map(f64::from)).collect();
         let triangles = picks.iter().map(|t| t.map(|v| (v % vertices.len()) as u32)).collect();
         let mesh = TriangleMesh { vertices, triangles };
-        match simplify(&mesh, target, &mut |_| ControlFlow::Continue(())) {
+        match simplify(&mesh, target, &mut |_, _| ControlFlow::Continue(())) {
             Ok(simplified) => {
                 check(&mesh, &simplified);
                 prop_assert!(meeting(&simplified.mesh) <= meeting(&mesh));

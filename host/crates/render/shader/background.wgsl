@@ -14,7 +14,7 @@ fn ray_through(pixel: vec2f) -> vec3f {
     return u.ray_forward.xyz + u.ray_right.xyz * x + u.ray_up.xyz * y;
 }
 
-// x, z on the floor, in units of the character's radius from the pool's middle.
+// x, z on the floor, relative to the centre of the pool of light, in units of the character's radius.
 fn floor_point(ray: vec3f) -> vec2f {
     let travel = (u.ground.x - u.eye.y) / ray.y;
     return u.eye.xz + ray.xz * travel;

@@ -1,4 +1,4 @@
-// Twin: armature_deform::DualQuaternionSkin. A bone is the real and the dual part of its motion since rest.
+// Twin: armature_deform::skin::DualQuaternionSkin. A bone is the real and the dual part of its motion since rest.
 
 @compute @workgroup_size(64)
 fn skin(@builtin(global_invocation_id) at: vec3<u32>) {

@@ -1,4 +1,4 @@
-// Twin: armature_deform::LinearBlendSkin. A bone is the three rows of its `model_from_rest`.
+// Twin: armature_deform::skin::LinearBlendSkin. A bone is the three rows of its `model_from_rest`.
 
 @compute @workgroup_size(64)
 fn skin(@builtin(global_invocation_id) at: vec3<u32>) {

@@ -1,6 +1,7 @@
 // The character. Twin: src/cpu/mesh.rs.
 @group(1) @binding(0) var base_color_texture: texture_2d<f32>;
 @group(1) @binding(1) var repeating: sampler;
+@group(1) @binding(2) var<uniform> base_color: vec4f; // xyz, linear
 
 struct Surface {
     @builtin(position) clip: vec4f,
@@ -22,7 +23,7 @@ fn vertex(
     return Surface(u.clip_from_world * vec4f(position, 1.0), position, normal, uv, highlight, color);
 }
 
-// Lambert's cosine that reaches a little around the terminator, as light from a soft box does.
+// Lambert's cosine, extended a little past the terminator, as with light from a softbox.
 fn wrapped(cosine: f32, wrap: f32) -> f32 {
     return saturate((cosine + wrap) / (1.0 + wrap));
 }
@@ -36,10 +37,10 @@ fn specular(normal: vec3f, to_eye: vec3f, to_light: vec3f) -> f32 {
 @fragment
 fn fragment(surface: Surface) -> @location(0) vec4f {
     let texel = textureSample(base_color_texture, repeating, surface.uv).rgb;
-    let base = mix(u.base_color.rgb * surface.color * texel, u.highlight.rgb, saturate(surface.highlight) * 0.75);
+    let base = mix(base_color.rgb * surface.color * texel, u.highlight.rgb, saturate(surface.highlight) * 0.75);
     let to_eye = normalize(u.eye.xyz - surface.world);
     let shading = normalize(surface.normal);
-    // The side that is seen decides which way the normal points, however the triangle is wound.
+    // The visible side determines which way the normal points, however the triangle is wound.
     let seen_side = cross(dpdy(surface.world), dpdx(surface.world));
     let normal = select(-shading, shading, dot(shading, seen_side) >= 0.0);
     let facing = saturate(dot(normal, to_eye));

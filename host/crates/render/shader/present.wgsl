@@ -13,7 +13,7 @@ fn vertex(@builtin(vertex_index) index: u32) -> Screen {
     return Screen(vec4f(corner * 2.0 - 1.0, 0.0, 1.0), vec2f(corner.x, 1.0 - corner.y));
 }
 
-// Leaves colours alone up to 0.7 and bends what is brighter towards 1.
+// Leaves colours up to 0.7 alone and compresses anything brighter towards 1.
 fn shoulder(light: vec3f) -> vec3f {
     let bent = 1.0 - 0.3 * exp((0.7 - light) / 0.3);
     return select(light, bent, light > vec3f(0.7));
@@ -24,7 +24,7 @@ fn srgb_from_linear(light: vec3f) -> vec3f {
     return select(curve, light * 12.92, light <= vec3f(0.0031308));
 }
 
-// Interleaved gradient noise (Jimenez 2014), half a step to either side: no bands in dark gradients.
+// Interleaved gradient noise (Jimenez 2014), half a step to either side: prevents banding in dark gradients.
 fn dither(pixel: vec2f) -> f32 {
     return (fract(52.9829189 * fract(dot(pixel, vec2f(0.06711056, 0.00583715)))) - 0.5) / 255.0;
 }
@@ -39,7 +39,7 @@ fn fragment(screen: Screen) -> @location(0) vec4f {
     return vec4f(present(screen), 1.0);
 }
 
-// For targets that encode by themselves.
+// For targets that encode sRGB themselves.
 @fragment
 fn fragment_for_srgb_target(screen: Screen) -> @location(0) vec4f {
     let encoded = max(present(screen), vec3f(0.0));

@@ -1,4 +1,4 @@
-// Shared by the skinning kernels: one invocation a vertex, one row of the grid a pose.
+// Shared by the skinning kernels: one invocation per vertex, one row of the grid per pose.
 
 struct Sizes { vertices: u32, bones: u32, per_vertex: u32, poses: u32 }
 struct Rest { position: vec3<f32>, normal: vec3<f32> }
@@ -13,7 +13,7 @@ struct Influence { bone: u32, weight: f32, end: f32 }
 // All positions, pose after pose; then all normals.
 @group(0) @binding(4) var<storage, read_write> posed: array<f32>;
 
-// Of a squared length: below it a map flattens the surface, and the rest normal is kept.
+// A squared length: below it, a map flattens the surface and the rest normal is kept.
 const FLAT: f32 = 4e-12;
 
 fn write_posed(at: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) {
@@ -25,11 +25,11 @@ fn write_posed(at: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) {
     }
 }
 
-// A normal through the cofactors of the map with these rows.
+// A normal transformed by the cofactors of the map with these rows.
 fn turned_by_map(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let longest = max(max(max(abs(x.x), abs(x.y)), abs(x.z)),
         max(max(max(abs(y.x), abs(y.y)), abs(y.z)), max(max(abs(z.x), abs(z.y)), abs(z.z))));
-    // A map of zeros: what follows must not divide by them.
+    // A zero map: the code below must not divide by zeros.
     if !(longest > 0.0) { return normal; }
     let a = x / longest;
     let b = y / longest;

@@ -1,14 +1,14 @@
-// Twin: armature_deform::StretchTwistSkin (thesis eqs. 6.4 to 6.6).
+// Twin: armature_deform::skin::StretchTwistSkin (thesis eqs. 6.4 to 6.6).
 
-// A bone: how it is turned; its axis at rest and half the twist at its start; its start at rest and how much half the
-// twist grows to its end; its start now; what stretching adds to its end.
+// A bone: its rotation; its axis at rest and half the twist at its start; its start at rest and how much half the twist
+// grows to its end; its current start; what stretching adds to its end.
 const BONE: u32 = 5u;
 
-// The precision of the built-in functions is up to the driver.
+// The precision of the built-in functions depends on the driver.
 fn sine_and_cosine(angle: f32) -> vec2<f32> {
     let halves = round(angle * 0.31830989);
-    // π in two parts, the first with so few bits that its product is exact. Both results may have the other sign, which
-    // is the same rotation where the angle is half of one.
+    // π in two parts, the first with so few bits that its product is exact. Both results may be negated, which for half
+    // an angle is the same rotation.
     let x = (angle - halves * 3.140625) - halves * 9.676536e-4;
     let s = x * x;
     let sine = -1.6666667e-1 + s * (8.333206e-3 + s * (-1.981829e-4 + s * 2.622532e-6));
@@ -16,7 +16,7 @@ fn sine_and_cosine(angle: f32) -> vec2<f32> {
     return vec2(x + x * (s * sine), 1.0 + s * cosine);
 }
 
-// How a bone is turned where an influence sits.
+// A bone's rotation at an influence's place along it.
 fn turn_at(bone: u32, end: f32) -> vec4<f32> {
     let half_twist = sine_and_cosine(bones[bone + 1u].w + end * bones[bone + 2u].w);
     return times(bones[bone], vec4(half_twist.x * bones[bone + 1u].xyz, half_twist.y));

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::BoneMark;
-use crate::uniforms::linear_from_srgb;
+use crate::srgb::linear_from_srgb;
 
 /// One corner of the overlay's triangles.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

@@ -63,14 +63,15 @@ impl Camera {
     /// Steepest look from above or below, radians.
     pub const PITCH_LIMIT: f32 = 1.5;
 
-    /// A camera that shows the whole box in a picture of this aspect (width / height), from the default direction.
+    /// A camera that shows the whole box in a picture with this aspect ratio (width / height), from the default
+    /// direction.
     pub fn fit(bounds: &Bounds, aspect: f32) -> Self {
         let mut camera = Self::default();
         camera.frame(bounds, aspect);
         camera
     }
 
-    /// Moves target and distance so that the whole box is seen; keeps the direction.
+    /// Moves target and distance so that the whole box is visible; keeps the direction.
     pub fn frame(&mut self, bounds: &Bounds, aspect: f32) {
         let half_y = (self.fov_y * 0.5).tan();
         let half_x = half_y * aspect.clamp(0.05, 20.0);
@@ -101,7 +102,7 @@ impl Camera {
         (right, right.cross(forward), forward)
     }
 
-    /// The projection of wgpu, which is that of DirectX: depth 0 (near) to 1 (far), +Y up.
+    /// The projection that wgpu uses (as in DirectX): depth 0 (near) to 1 (far), +Y up.
     pub fn clip_from_world(&self, aspect: f32) -> Mat4 {
         let (_, up, _) = self.basis();
         let view = look_at_mat4(self.eye(), self.target, up);
@@ -109,28 +110,28 @@ impl Camera {
         perspective(self.fov_y, aspect, near, self.distance * 200.0) * view
     }
 
-    /// Turns by a drag, in points; a drag of 300 points is a quarter turn.
+    /// Turns by a drag, in points; 300 points are a quarter turn.
     pub fn orbit(&mut self, drag: Vec2) {
         const RADIANS_PER_POINT: f32 = std::f32::consts::FRAC_PI_2 / 300.0;
         self.yaw = (self.yaw - drag.x * RADIANS_PER_POINT).rem_euclid(std::f32::consts::TAU);
         self.pitch = (self.pitch + drag.y * RADIANS_PER_POINT).clamp(-Self::PITCH_LIMIT, Self::PITCH_LIMIT);
     }
 
-    /// Comes closer (factor below 1) or goes away, within what is sensible for something of this radius.
+    /// Moves closer (factor below 1) or away, within sensible limits for something of this radius.
     pub fn zoom(&mut self, factor: f32, radius: f32) {
         if factor.is_finite() && factor > 0.0 {
             self.distance = (self.distance * factor).clamp(radius * 0.1, radius * 50.0);
         }
     }
 
-    /// Shifts the target by a drag, so that the point under the pointer stays under it (at the target's depth).
+    /// Pans by a drag, so that the point under the pointer stays under it (at the target's depth).
     pub fn pan(&mut self, drag: Vec2, viewport_height: f32) {
         let (right, up, _) = self.basis();
         let world_per_point = 2.0 * self.distance * (self.fov_y * 0.5).tan() / viewport_height.max(1.0);
         self.target += (up * drag.y - right * drag.x) * world_per_point;
     }
 
-    /// Where a world point is seen, 0 to 1 from the upper left; `None` behind the eye.
+    /// Where a world point appears, 0 to 1 from the upper left; `None` behind the eye.
     pub fn project(&self, point: Vec3, aspect: f32) -> Option<Vec2> {
         let clip = self.clip_from_world(aspect) * point.extend(1.0);
         (clip.w > 0.0).then(|| Vec2::new(clip.x / clip.w * 0.5 + 0.5, 0.5 - clip.y / clip.w * 0.5))

@@ -1,14 +1,14 @@
-//! The soft dark patch where a character touches the floor, as a small height map seen from below.
+//! The soft dark patch where a character touches the floor, as a small map rendered from below.
 //!
-//! It is made on the CPU for both sides: the mesh is drawn into a small square from straight below, once for what is
-//! close to the floor and once for everything, and both are blurred.
+//! It is computed on the CPU for both renderers: the mesh is drawn into a small square from directly below, once for
+//! what is close to the floor and once for everything, and both are blurred.
 
 use crate::{Bounds, Ground, MeshView};
 
 /// Texels along a side.
 pub(crate) const SHADOW_SIDE: usize = 160;
 
-/// The map and its place; buffers are kept from frame to frame.
+/// The map and its position; buffers are kept from frame to frame.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactShadow {
     /// x, z of the middle, world.
@@ -37,7 +37,7 @@ impl Default for ContactShadow {
 }
 
 impl ContactShadow {
-    /// Draws the mesh as it is now.
+    /// Draws the mesh in its current pose.
     pub(crate) fn update(&mut self, mesh: &MeshView, ground: &Ground) {
         self.near.fill(0.0);
         self.far.fill(0.0);
@@ -65,7 +65,7 @@ impl ContactShadow {
             let height = (points[0][1] + points[1][1] + points[2][1]) / 3.0 - floor;
             let near = 1.0 - height.max(0.0) / (0.10 * radius);
             let far = 1.0 - height.max(0.0) / (1.1 * radius);
-            // Also false for a height that is no number.
+            // Also false for a height that is NaN.
             if far > 0.0 {
                 let texel = points.map(|p| [(p[0] - origin[0]) * scale, (p[2] - origin[1]) * scale]);
                 self.splat_triangle(texel, near.max(0.0), far * far);
@@ -73,7 +73,8 @@ impl ContactShadow {
         }
     }
 
-    /// Every texel whose middle is inside, and the one under the triangle's middle (small triangles miss all middles).
+    /// Every texel whose centre is inside, and the one under the triangle's centre (small triangles miss all texel
+    /// centres).
     fn splat_triangle(&mut self, [a, b, c]: [[f32; 2]; 3], near: f32, far: f32) {
         let middle = [(a[0] + b[0] + c[0]) / 3.0, (a[1] + b[1] + c[1]) / 3.0];
         self.splat_texel(middle[0] as usize, middle[1] as usize, near, far);
@@ -106,7 +107,7 @@ fn blur(map: &mut Vec<f32>, scratch: &mut Vec<f32>, reach: usize) {
     if reach == 0 {
         return;
     }
-    // Each pass also transposes, so four passes blur both directions twice and end upright.
+    // Each pass also transposes, so four passes blur both directions twice and restore the orientation.
     for _ in 0..4 {
         blur_rows_transposed(map, scratch, reach);
         std::mem::swap(map, scratch);

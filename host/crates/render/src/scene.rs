@@ -1,8 +1,12 @@
 //! What is drawn, borrowed.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use glam::Vec3;
 
-use crate::{Bounds, RenderError};
+use crate::srgb::linear_from_srgb;
+use crate::{Bounds, Picture, RenderError};
 
 /// A character, its bones, and where it stands.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,7 +21,7 @@ pub struct Scene<'a> {
     pub look: Look,
 }
 
-/// A triangle mesh as it is now.
+/// A triangle mesh in its current pose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeshView<'a> {
     /// n positions, world space.
@@ -26,30 +30,38 @@ pub struct MeshView<'a> {
     pub normals: &'a [[f32; 3]],
     /// m zero-based vertex triples.
     pub triangles: &'a [[u32; 3]],
-    /// n texture coordinates, origin at the upper left; required for a texture.
+    /// n texture coordinates, origin at the upper left; without them textures are not drawn.
     pub uv: Option<&'a [[f32; 2]]>,
-    /// Base colour texture.
-    pub texture: Option<TextureView<'a>>,
-    /// sRGB, 0 to 1; multiplies the texture. `None`: [`Look::clay`] (white where there is a texture).
-    pub base_color: Option<[f32; 3]>,
+    /// Which triangles are drawn with which material; empty: all of them with the first. Where parts overlap, the first
+    /// one counts; triangles in no part are not drawn.
+    pub parts: &'a [MeshPart],
+    /// The materials of the parts; empty: one without colour or texture.
+    pub materials: &'a [Material],
     /// n colours, sRGB 0 to 1, in linear light between vertices; they multiply texture and base colour.
     pub colors: Option<&'a [[f32; 3]]>,
     /// n values 0 to 1: how much of [`Look::highlight`] a vertex shows.
     pub highlight: Option<&'a [f32]>,
-    /// Has to change whenever triangles, colours, texture coordinates or texture change: a [`crate::Renderer`] sends those to
-    /// the GPU only then. Positions, normals and highlight are sent every frame.
+    /// Must change whenever triangles, parts, colours, texture coordinates or textures change: a [`crate::Renderer`]
+    /// sends those to the GPU only then. Positions, normals and highlight are sent every frame.
     pub revision: u64,
 }
 
-/// An image in memory.
-#[derive(Clone, Copy, Debug)]
-pub struct TextureView<'a> {
-    /// Pixels across.
-    pub width: u32,
-    /// Pixels down.
-    pub height: u32,
-    /// 4·width·height bytes: sRGB and alpha, rows from the top.
-    pub rgba: &'a [u8],
+/// Triangles drawn with one material.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MeshPart {
+    /// Which of the mesh's triangles.
+    pub triangles: Range<u32>,
+    /// Zero-based material.
+    pub material: u32,
+}
+
+/// The material of a part.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Material {
+    /// sRGB, 0 to 1; multiplies the texture. `None`: [`Look::clay`] (white if there is a texture).
+    pub base_color: Option<[f32; 3]>,
+    /// Base colour texture.
+    pub texture: Option<Arc<Picture>>,
 }
 
 /// One bone of the overlay.
@@ -68,9 +80,9 @@ pub struct BoneMark {
 pub struct Ground {
     /// World height of the floor.
     pub height: f32,
-    /// Where the pool of light is (y is not used).
+    /// Where the pool of light is (y is ignored).
     pub center: Vec3,
-    /// Size of the character (half the diagonal of its rest box), world units; grid and fading follow it.
+    /// Size of the character (half the diagonal of its rest box), world units; grid and fading scale with it.
     pub radius: f32,
 }
 
@@ -81,7 +93,7 @@ impl Default for Ground {
 }
 
 impl Ground {
-    /// A floor on which something with these bounds stands.
+    /// A floor under something with these bounds.
     pub fn under(bounds: &Bounds) -> Self {
         Self { height: bounds.min.y, center: bounds.center(), radius: bounds.radius() }
     }
@@ -90,7 +102,7 @@ impl Ground {
 /// Colours, sRGB 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// Backdrop high above.
+    /// Backdrop at the top.
     pub backdrop_top: [f32; 3],
     /// Backdrop where it meets the floor.
     pub backdrop_horizon: [f32; 3],
@@ -100,9 +112,9 @@ pub struct Look {
     pub grid: [f32; 3],
     /// How dark the contact shadow is, 0 to 1.
     pub shadow: f32,
-    /// Skin without a colour of its own.
+    /// Skin without its own colour.
     pub clay: [f32; 3],
-    /// Tint of what is selected.
+    /// Tint of selected parts.
     pub highlight: [f32; 3],
 }
 
@@ -123,15 +135,15 @@ impl Default for Look {
 /// How edges are smoothed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Samples {
-    /// Not at all.
+    /// Not smoothed.
     One,
-    /// Four samples a pixel.
+    /// Four samples per pixel.
     #[default]
     Four,
 }
 
 impl Samples {
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub fn count(self) -> u32 {
         match self {
             Self::One => 1,
@@ -140,8 +152,15 @@ impl Samples {
     }
 }
 
+impl Material {
+    /// A colour (sRGB, 0 to 1) without a texture.
+    pub fn of_color(base_color: [f32; 3]) -> Self {
+        Self { base_color: Some(base_color), texture: None }
+    }
+}
+
 impl Scene<'_> {
-    /// Checks lengths, indices and the texture; positions may be anything (what is not finite is not drawn).
+    /// Checks lengths, indices and the texture; positions may be anything (those that are not finite are not drawn).
     pub fn validate(&self, texture_limit: u32) -> Result<(), RenderError> {
         self.mesh.validate_lengths()?;
         self.mesh.validate_topology(texture_limit)
@@ -172,19 +191,47 @@ impl MeshView<'_> {
                 return Err(RenderError::IndexOutOfRange { triangle, vertex, vertices });
             }
         }
-        let Some(texture) = &self.texture else { return Ok(()) };
-        let expected = (u64::from(texture.width) * u64::from(texture.height)).saturating_mul(4);
-        let fits = texture.width.max(texture.height) <= texture_limit;
-        if expected == 0 || expected != texture.rgba.len() as u64 || !fits {
-            return Err(RenderError::BadTexture {
-                width: texture.width,
-                height: texture.height,
-                expected,
-                got: texture.rgba.len(),
-                limit: texture_limit,
-            });
+        let materials = self.materials.len().max(1);
+        for (part, MeshPart { triangles, material }) in self.parts.iter().enumerate() {
+            let within = triangles.start <= triangles.end && triangles.end as usize <= self.triangles.len();
+            if !within || *material as usize >= materials {
+                return Err(RenderError::PartOutOfRange { part, triangles: self.triangles.len(), materials });
+            }
         }
-        Ok(())
+        self.materials.iter().filter_map(|material| material.texture.as_deref()).try_for_each(|texture| {
+            let expected = (u64::from(texture.width) * u64::from(texture.height)).saturating_mul(4);
+            let fits = texture.width.max(texture.height) <= texture_limit;
+            if expected != 0 && expected == texture.rgba.len() as u64 && fits {
+                return Ok(());
+            }
+            let (width, height, got) = (texture.width, texture.height, texture.rgba.len());
+            Err(RenderError::BadTexture { width, height, expected, got, limit: texture_limit })
+        })
+    }
+
+    /// Triangles and material of each part, in drawing order.
+    pub(crate) fn drawn_parts(&self) -> Vec<(Range<u32>, usize)> {
+        if self.parts.is_empty() {
+            return vec![(0..self.triangles.len() as u32, 0)];
+        }
+        self.parts.iter().map(|part| (part.triangles.clone(), part.material as usize)).collect()
+    }
+
+    /// The materials that parts refer to: at least one.
+    pub(crate) fn drawn_materials(&self) -> &[Material] {
+        const PLAIN: &[Material] = &[Material { base_color: None, texture: None }];
+        if self.materials.is_empty() { PLAIN } else { self.materials }
+    }
+
+    /// A material's texture, if it is drawn.
+    pub(crate) fn texture_of<'m>(&self, material: &'m Material) -> Option<&'m Arc<Picture>> {
+        material.texture.as_ref().filter(|_| self.uv.is_some())
+    }
+
+    /// A material's colour (linear light).
+    pub(crate) fn color_of(&self, material: &Material, look: &Look) -> Vec3 {
+        let plain = if self.texture_of(material).is_some() { [1.0; 3] } else { look.clay };
+        material.base_color.unwrap_or(plain).map(linear_from_srgb).into()
     }
 }
 
@@ -194,16 +241,26 @@ mod tests {
 
     #[test]
     fn nonsense_is_named() {
+        fn check(mesh: MeshView<'_>) -> Result<(), RenderError> {
+            Scene { mesh, ..Scene::default() }.validate(64)
+        }
         let positions = [[0.0; 3]; 3];
         let mesh =
             MeshView { positions: &positions, normals: &positions, triangles: &[[0, 1, 3]], ..MeshView::default() };
-        let check = |mesh| Scene { mesh, ..Scene::default() }.validate(64);
         assert!(matches!(check(mesh), Err(RenderError::IndexOutOfRange { vertex: 3, .. })));
         let mesh = MeshView { triangles: &[[0, 1, 2]], ..mesh };
         assert!(check(mesh).is_ok());
         let short = MeshView { normals: &positions[..2], ..mesh };
         assert!(matches!(check(short), Err(RenderError::LengthMismatch { got: 2, .. })));
-        let huge = TextureView { width: u32::MAX, height: u32::MAX, rgba: &[] };
-        assert!(matches!(check(MeshView { texture: Some(huge), ..mesh }), Err(RenderError::BadTexture { .. })));
+        let huge = Picture { width: u32::MAX, height: u32::MAX, rgba: Vec::new() };
+        let materials = [Material::default(), Material { texture: Some(Arc::new(huge)), ..Material::default() }];
+        let painted = MeshView { materials: &materials, ..mesh };
+        assert!(matches!(check(painted), Err(RenderError::BadTexture { .. })));
+        let part = |triangles, material| [MeshPart { triangles, material }];
+        for wrong in [part(0..2, 0), part(0..1, 1), part(0..u32::MAX, 0)] {
+            let divided = MeshView { parts: &wrong, ..mesh };
+            assert!(matches!(check(divided), Err(RenderError::PartOutOfRange { part: 0, .. })));
+        }
+        assert!(check(MeshView { parts: &part(0..1, 0), ..mesh }).is_ok());
     }
 }

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3, Vec4};
 
 use crate::contact_shadow::ContactShadow;
+use crate::srgb::linear_from_srgb;
 use crate::{Camera, Scene};
 
 /// The struct of `shader/common.wgsl`, field by field; the comments are there.
@@ -23,7 +24,6 @@ pub(crate) struct Uniforms {
     pub(crate) backdrop_horizon: Vec4,
     pub(crate) floor: Vec4,
     pub(crate) grid: Vec4,
-    pub(crate) base_color: Vec4,
     pub(crate) highlight: Vec4,
     pub(crate) sky: Vec4,
     pub(crate) bounce: Vec4,
@@ -44,13 +44,12 @@ impl Uniforms {
         let half = (camera.fov_y * 0.5).tan();
         let ground = &scene.ground;
         let radius = ground.radius.max(1e-6);
-        // The lights stand around the character with the camera's heading, so that it is well lit from all sides.
+        // The lights are placed around the character relative to the camera's heading, so that it is well lit from all
+        // sides.
         let (sin, cos) = camera.yaw.sin_cos();
         let towards = |x: f32, y: f32, z: f32| {
             (Vec3::new(cos, 0.0, -sin) * x + Vec3::Y * y + Vec3::new(sin, 0.0, cos) * z).normalize()
         };
-        let textured = scene.mesh.texture.is_some() && scene.mesh.uv.is_some();
-        let base = scene.mesh.base_color.unwrap_or(if textured { [1.0; 3] } else { scene.look.clay });
         Self {
             clip_from_world: camera.clip_from_world(aspect),
             eye: eye.extend(0.0),
@@ -65,7 +64,6 @@ impl Uniforms {
             backdrop_horizon: linear(scene.look.backdrop_horizon),
             floor: linear(scene.look.floor),
             grid: linear(scene.look.grid),
-            base_color: linear(base),
             highlight: linear(scene.look.highlight),
             sky: Vec4::new(0.085, 0.105, 0.145, 0.0),
             bounce: Vec4::new(0.040, 0.036, 0.036, 0.0),
@@ -94,11 +92,6 @@ fn grid_cell(radius: f32) -> f32 {
 
 fn linear(srgb: [f32; 3]) -> Vec4 {
     Vec3::from(srgb.map(linear_from_srgb)).extend(0.0)
-}
-
-/// The sRGB curve, 0 to 1.
-pub(crate) fn linear_from_srgb(value: f32) -> f32 {
-    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]

@@ -4,8 +4,10 @@
 
 mod shapes;
 
+use std::sync::Arc;
+
 use armature_render::{
-    BoneMark, Bounds, Camera, Gpu, Ground, MeshView, Picture, RenderError, Samples, Scene, TextureView,
+    BoneMark, Bounds, Camera, Gpu, Ground, Material, MeshPart, MeshView, Picture, RenderError, Samples, Scene,
     render_to_image_cpu, render_to_image_gpu,
 };
 use glam::Vec3;
@@ -46,7 +48,7 @@ fn compare(name: &str, scene: &Scene, camera: &Camera) {
         let by_cpu = render_to_image_cpu(scene, camera, SIZE, samples).expect("a picture");
         let apart = difference(&by_gpu, &by_cpu);
         eprintln!("{name}, {samples:?}, {}: {apart:?}", gpu.label());
-        // Inside areas both agree to rounding; a few edge pixels fall to the other side.
+        // Within areas both agree to rounding; a few edge pixels fall to the other side.
         assert!(apart.mean < 0.25 && apart.visible < 0.004, "{name}, {samples:?}: {apart:?}");
     }
 }
@@ -97,16 +99,49 @@ fn bones_through_the_skin() {
 fn texture_and_highlight() {
     let (shape, _) = shapes::figure();
     let (ground, camera) = standing(&shape);
-    // Smooth, because what lies between texels is filtered with fewer bits by some adapters.
+    // Smooth, because some adapters filter between texels with fewer bits.
     let rgba: Vec<u8> = (0..64_u32 * 32).flat_map(|i| [(i % 64 * 4) as u8, (i / 64 * 8) as u8, 120, 255]).collect();
     let highlight: Vec<f32> = shape.positions.iter().map(|p| (p[1] - 0.8).clamp(0.0, 1.0)).collect();
-    let mesh = MeshView {
-        uv: Some(&shape.uv),
-        texture: Some(TextureView { width: 64, height: 32, rgba: &rgba }),
-        highlight: Some(&highlight),
-        ..mesh_of(&shape)
-    };
+    let materials = [Material { texture: Some(Arc::new(Picture { width: 64, height: 32, rgba })), base_color: None }];
+    let mesh = MeshView { uv: Some(&shape.uv), materials: &materials, highlight: Some(&highlight), ..mesh_of(&shape) };
     compare("texture", &Scene { mesh, ground, ..Scene::default() }, &camera);
+}
+
+#[test]
+fn parts_with_materials_of_their_own() {
+    let (shape, _) = shapes::figure();
+    let (ground, camera) = standing(&shape);
+    let rgba = (0..64_u32 * 32).flat_map(|i| [(i % 64 * 4) as u8, (i / 64 * 8) as u8, 120, 255]).collect();
+    let texture = Some(Arc::new(Picture { width: 64, height: 32, rgba }));
+    let materials = [
+        Material { base_color: Some([0.9, 0.2, 0.1]), texture: None },
+        Material { base_color: None, texture: texture.clone() },
+        Material { base_color: Some([0.3, 0.9, 0.4]), texture },
+    ];
+    let count = shape.triangles.len() as u32;
+    let part = |first, end, material| MeshPart { triangles: first..end, material };
+    let parts = [part(0, count / 4, 2), part(count / 4, count / 2, 0), part(count / 2, count, 1)];
+    let mesh = MeshView { uv: Some(&shape.uv), materials: &materials, parts: &parts, ..mesh_of(&shape) };
+    let scene = Scene { mesh, ground, ..Scene::default() };
+    compare("parts", &scene, &camera);
+    let draw = |parts: &[MeshPart]| {
+        let scene = Scene { mesh: MeshView { parts, ..mesh }, ..scene };
+        render_to_image_cpu(&scene, &camera, SIZE, Samples::One).unwrap()
+    };
+    let all = draw(&parts);
+    // Each part shows its own material, the first one counts where they overlap, and omitted parts are gone.
+    for k in 0..3 {
+        let mut other = parts.clone();
+        other[k].material = (other[k].material + 1) % 3;
+        assert!(difference(&all, &draw(&other)).visible > 0.005, "part {k}");
+    }
+    let twice = [&parts[..], &[part(0, count, 0)]].concat();
+    assert_eq!(draw(&twice), all);
+    compare("overlapping parts", &Scene { mesh: MeshView { parts: &twice, ..mesh }, ..scene }, &camera);
+    assert!(difference(&all, &draw(&parts[..2])).visible > 0.02);
+    compare("some parts", &Scene { mesh: MeshView { parts: &parts[..2], ..mesh }, ..scene }, &camera);
+    // One part with everything is the same as no parts.
+    assert_eq!(draw(&[part(0, count, 0)]), draw(&[]));
 }
 
 #[test]
@@ -119,7 +154,7 @@ fn colours_of_vertices() {
     compare("colours", &scene, &camera);
     let plain = Scene { mesh: mesh_of(&shape), ..scene };
     let draw = |scene| render_to_image_cpu(scene, &camera, SIZE, Samples::One).unwrap();
-    assert!(difference(&draw(&scene), &draw(&plain)).visible > 0.02, "colours are seen");
+    assert!(difference(&draw(&scene), &draw(&plain)).visible > 0.02, "colours must be visible");
 }
 
 #[test]

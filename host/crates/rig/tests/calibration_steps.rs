@@ -1,4 +1,4 @@
-//! The steps of a calibration on virtual time, with a puppet whose truth is known.
+//! The calibration steps on virtual time, with a puppet whose true values are known.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
 
@@ -17,7 +17,7 @@ const TURN: f64 = 16_384.0;
 const RATE: f64 = 100.0;
 const TIMES: StepTimes = StepTimes { countdown: 3.0, hold: 0.5, sweep: 8.0 };
 
-/// A puppet of three joints whose magnets are glued in anywhere, the second of them on the wrong side.
+/// A puppet of three joints with magnets glued in at any angle, the second of them on the wrong side.
 struct Truth {
     tree: JointTree,
     zeros: [u16; 5],
@@ -41,7 +41,7 @@ impl Truth {
         (0..5).map(count).collect()
     }
 
-    /// Runs a step from its beginning to its end; `angles` at so many seconds since then.
+    /// Runs a step from start to end; `angles` at this many seconds after its start.
     fn run(
         &self,
         step: CalibrationStep,
@@ -90,7 +90,7 @@ fn a_step_counts_down_measures_and_is_over() {
 #[test]
 fn zero_takes_the_mean_of_what_is_held_and_leaves_what_moves() {
     let truth = Truth::new();
-    // Until the countdown is over the puppet may do what it likes; then a hand shakes a little, and the last part moves.
+    // During the countdown the puppet may do anything; then a hand shakes a little, and the last part moves.
     let shaking = |seconds: f64| {
         let shake = if seconds < 3.0 { 1.0 } else { 2e-3 * (TAU * 4.0 * seconds).sin() };
         [shake, -shake, shake, shake, if seconds < 3.0 { 0.0 } else { 0.5 * (seconds - 3.0) }]
@@ -115,7 +115,7 @@ fn zero_takes_the_mean_of_what_is_held_and_leaves_what_moves() {
 fn a_sweep_finds_range_direction_and_wrap_around() {
     let truth = Truth::new();
     let stops = [(1.0, -0.7), (2.0, -0.1), (0.3, -2.9), (2.6, -2.2)];
-    // To the first stop, to the other one and back; the last joint is forgotten.
+    // To the first stop, to the other one and back; the last joint is not moved.
     let swept = |seconds: f64| {
         let t = (seconds - 3.0) / 8.0;
         let mut angles = [0.0; 5];
@@ -139,13 +139,13 @@ fn a_sweep_finds_range_direction_and_wrap_around() {
         assert_eq!(sensor.reversed, truth.backwards[slot], "sensor {slot}");
         let span = f64::from(sensor.range.unwrap().span_counts) / TURN * TAU;
         assert!((span - (most - least)).abs() < 0.12, "sensor {slot}: {span}");
-        // In the whole travel the angle is the true one, without a leap.
+        // Over the whole travel the angle is the true one, without a jump.
         for on in 0..=100 {
             let angle = least + (most - least) * f64::from(on) / 100.0;
             let mut angles = [0.0; 5];
             angles[slot] = angle;
             let told = sensor.angle(truth.counts(angles)[slot], 16_384).unwrap();
-            assert!((told - angle).abs() < 1e-3, "sensor {slot}: {told} where {angle} is true");
+            assert!((told - angle).abs() < 1e-3, "sensor {slot}: {told} instead of {angle}");
         }
         let across = matches!(report.findings[slot].finding, Finding::Swept { across_zero: true, .. });
         assert_eq!(across, [true, true, false, true][slot], "{:?}", report.findings[slot]);
@@ -159,8 +159,11 @@ fn a_sweep_finds_range_direction_and_wrap_around() {
 fn the_mounting_step_finds_the_full_attitude_of_a_part() {
     let truth = Truth::new();
     let skeleton = skeleton(&[("thigh", "", [0.0, 1.0, 0.0]), ("shin", "thigh", [0.0, 0.5, 0.0])]);
-    let mapping = Mapping { entries: vec![MappingEntry::new(uid(0), "thigh"), MappingEntry::new(uid(1), "shin")] };
-    // The hip is glued on turned about everything, the knee turned by a quarter, so that it knows bends as its own.
+    let mapping = Mapping {
+        entries: vec![MappingEntry::new(uid(0), "thigh"), MappingEntry::new(uid(1), "shin")],
+        ..Mapping::default()
+    };
+    // The hip is glued on rotated about all axes, the knee by a quarter turn, so that it takes bends for its own twist.
     let mounted = Quat::from_xyzw(0.2, -0.5, 0.4, 0.6).normalize();
     let hip = |meant: Quat| joint_angles(TBT, mounted.inverse() * meant * mounted);
     let pose = |bend: f64, twist: f64| {
@@ -180,7 +183,7 @@ fn the_mounting_step_finds_the_full_attitude_of_a_part() {
     }
     let report = truth.run(CalibrationStep::Mounting, &zeroed, posed).unwrap();
     let found = report.calibration.part_settings(uid(0)).mounting;
-    assert!(found.dot(mounted).abs() > 1.0 - 1e-5, "{found} where {mounted} is true");
+    assert!(found.dot(mounted).abs() > 1.0 - 1e-5, "{found} instead of {mounted}");
     assert!(matches!(report.findings[0].finding, Finding::Mounted { residual_degrees, .. } if residual_degrees < 0.5));
     assert!(matches!(report.findings[1].finding, Finding::NotMoved(_)), "the knee was left alone");
     assert!(
@@ -188,7 +191,7 @@ fn the_mounting_step_finds_the_full_attitude_of_a_part() {
         "a twist about its own axis"
     );
 
-    // With that, the character's bones turn as meant, whatever the hand does.
+    // With that, the character's bones turn as intended, whatever the hand does.
     let mut solver = PoseSolver::new(&truth.tree, &report.calibration, &mapping, &skeleton).unwrap();
     let frame = skeleton.bone_from_joint(0, &skeleton.rest_model_from_bone());
     let meant = (Quat::from_rotation_x(0.4) * Quat::from_rotation_z(-0.7)).normalize();
@@ -203,7 +206,7 @@ fn the_mounting_step_finds_the_full_attitude_of_a_part() {
 #[test]
 fn motions_that_tell_nothing_change_nothing() {
     let truth = Truth::new();
-    // Twice the same motion: about the middle sensor.
+    // The same motion twice: about the middle sensor.
     let twice = |seconds: f64| if seconds < 2.9 { [0.0; 5] } else { [0.0, 1.0, 0.0, 0.0, 0.0] };
     let report = truth.run(CalibrationStep::Mounting, &truth.zeroed(), twice).unwrap();
     assert!(matches!(report.findings[0].finding, Finding::NoMounting(_)), "{:?}", report.findings[0]);
@@ -219,7 +222,7 @@ fn motions_that_tell_nothing_change_nothing() {
 fn heading_makes_what_the_puppet_faces_the_front_and_leaves_its_lean() {
     let tree = puppet(&[("hips", TBT, "")]);
     let skeleton = skeleton(&[("hips", "", [0.0, 1.0, 0.0])]);
-    let mapping = Mapping { entries: vec![MappingEntry::new(uid(0), "hips")] };
+    let mapping = Mapping { entries: vec![MappingEntry::new(uid(0), "hips")], ..Mapping::default() };
     let mut calibration = Calibration::for_tree(&tree);
     let zero = RawSample { counts: vec![0; 3], states: vec![SensorState::Ok; 3], ..RawSample::default() };
     calibration.zero(&tree, &zero).unwrap();
@@ -253,7 +256,7 @@ fn heading_makes_what_the_puppet_faces_the_front_and_leaves_its_lean() {
     let root_turn = Some((uid(0), Quat::IDENTITY));
     unzeroed.take(&Reading { now: 3.1, sample: &sample, tree: &tree, root_turn });
     let report = unzeroed.finish(&Calibration::for_tree(&tree), None).unwrap();
-    assert_eq!(report.findings[0].finding, Finding::NotZeroed, "what was never zeroed faces nowhere");
+    assert_eq!(report.findings[0].finding, Finding::NotZeroed, "a part that was never zeroed has no heading");
 
     let mut solver = PoseSolver::new(&tree, &calibration, &mapping, &skeleton).unwrap();
     let mut pose = Pose::default();
@@ -279,7 +282,7 @@ fn what_goes_wrong_is_named_and_changes_nothing() {
     run.take(&Reading { now: 3.6, sample: &sample(4), tree: &smaller, root_turn: None });
     let error = run.finish(&Calibration::default(), None).unwrap_err();
     assert_eq!(error, StepError::TreeChanged { step: CalibrationStep::Sweep });
-    // A sensor that does not answer, for all that the others do.
+    // A sensor that does not answer, for every one that does.
     let mut run = CalibrationRun::begin(CalibrationStep::Zero, TIMES, 0.0);
     let mut weak = sample(5);
     weak.states[1] = SensorState::MagnetWeak;

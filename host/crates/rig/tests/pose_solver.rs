@@ -72,7 +72,7 @@ fn a_bent_knee_takes_the_shin_backwards() {
     pose.forward_kinematics(&skeleton, &mut frames);
     let shin = &skeleton.bones()[1];
     let end = frames[1].transform_point3(shin.tail);
-    // About the joint's +X, which is the character's left, +Y (down the leg) turns to the joint's +Z, which is back.
+    // About the joint's +X (the character's left), +Y (down the leg) turns to the joint's +Z, which is backwards.
     assert!(end.distance(Vec3::new(0.0, 0.5, -0.25)) < 1e-5, "{end}");
     assert!(solver.bone_status().iter().all(|s| s.quality == BoneQuality::Live));
 }
@@ -134,7 +134,7 @@ fn an_unplugged_part_keeps_its_bone_where_it_was() {
     assert_eq!(again.bone_status()[1].quality, BoneQuality::NoReading);
 }
 
-/// Counts of the knee at so many milliseconds; all else at rest.
+/// Counts of the knee after this many milliseconds; everything else at rest.
 fn knee_at(solver: &mut PoseSolver, millis: u64, counts: u16, state: SensorState) -> f32 {
     let mut pose = Pose::default();
     let states = [SensorState::Ok, SensorState::Ok, SensorState::Ok, state];
@@ -154,7 +154,7 @@ fn a_part_that_comes_back_takes_its_bone_along_over_a_moment() {
     out.continue_from(&solver);
     let mut back = make(&tree);
     back.continue_from(&out);
-    // It has no reading at first, and a solver that is made anew in between (somebody zeroes) changes nothing.
+    // It has no reading at first, and rebuilding the solver in between (when zeroing) changes nothing.
     assert!(knee_at(&mut back, 1_000, QUARTER, SensorState::NoData) < 1e-3);
     assert!(knee_at(&mut back, 1_010, QUARTER, SensorState::Ok) < 1e-3);
     let half = knee_at(&mut back, 1_135, QUARTER, SensorState::Ok);
@@ -166,7 +166,7 @@ fn a_part_that_comes_back_takes_its_bone_along_over_a_moment() {
     assert!((knee_at(&mut again, 1_261, QUARTER, SensorState::Ok) - FRAC_PI_2).abs() < 1e-3);
     again.engage_all();
     let (before, first) = (FRAC_PI_2, knee_at(&mut again, 9, 0, SensorState::Ok));
-    assert!((before - first).abs() < 1e-3, "the whole puppet was away and its clock began anew");
+    assert!((before - first).abs() < 1e-3, "the whole puppet was away and its clock restarted");
     assert!(knee_at(&mut again, 260, 0, SensorState::Ok) < 1e-3);
 }
 
@@ -181,7 +181,7 @@ fn a_joint_that_is_silent_for_too_long_is_stale_and_comes_back_over_a_moment() {
     knee_at(&mut solver, 0, 0, SensorState::Ok);
     knee_at(&mut solver, 90, QUARTER, SensorState::Outlier);
     assert_eq!(quality(&solver), BoneQuality::Held);
-    assert!((knee_at(&mut solver, 95, QUARTER, SensorState::Ok) - FRAC_PI_2).abs() < 1e-3, "a short gap costs nothing");
+    assert!((knee_at(&mut solver, 95, QUARTER, SensorState::Ok) - FRAC_PI_2).abs() < 1e-3, "a short gap has no effect");
     knee_at(&mut solver, 200, 0, SensorState::NoData);
     assert_eq!(quality(&solver), BoneQuality::Stale);
     assert!((knee_at(&mut solver, 210, 0, SensorState::Ok) - FRAC_PI_2).abs() < 1e-3, "no jump");
@@ -231,7 +231,7 @@ fn mounting_and_heading_of_a_part_count_wherever_it_is_plugged_in() {
     let back = Quat::from_rotation_y(-heading as f32);
     assert!(pose.parent_from_bone[0].rotation.dot(back).abs() > 1.0 - 1e-6, "turned back about the vertical");
     let (part, turn) = solver.root_turn().unwrap();
-    assert!(part == uid(0) && turn.dot(Quat::IDENTITY).abs() > 1.0 - 1e-6, "the turn is told without the heading");
+    assert!(part == uid(0) && turn.dot(Quat::IDENTITY).abs() > 1.0 - 1e-6, "the turn is reported without the heading");
     calibration.set_part_settings(uid(1), PartSettings { mounting: mounting * 2.0, ..PartSettings::default() });
     let crooked = PoseSolver::new(&tree, &calibration, &mapping, &skeleton);
     assert!(matches!(crooked, Err(MappingError::BadMounting { .. })));
@@ -248,6 +248,7 @@ fn two_parts_on_one_bone_compose_from_the_root_outwards() {
             MappingEntry { mounting: twisted, ..MappingEntry::new(uid(1), "forearm") },
             MappingEntry::new(uid(0), "forearm"),
         ],
+        ..Mapping::default()
     };
     let mut calibration = zeroed(&tree, &[0, 0]);
     assert!(calibration.flip(uid(1), 0));
@@ -282,7 +283,9 @@ fn an_axis_mounted_differently_is_used() {
 fn mappings_that_cannot_be_are_named() {
     let (tree, skeleton, _) = leg();
     let calibration = Calibration::for_tree(&tree);
-    let make = |entries: Vec<MappingEntry>| PoseSolver::new(&tree, &calibration, &Mapping { entries }, &skeleton).err();
+    let make = |entries: Vec<MappingEntry>| {
+        PoseSolver::new(&tree, &calibration, &Mapping { entries, ..Mapping::default() }, &skeleton).err()
+    };
     let unknown = make(vec![MappingEntry::new(uid(0), "rig:Thigh")]).unwrap();
     assert!(unknown.to_string().contains("did you mean \"thigh\""), "{unknown}");
     let twice = make(vec![MappingEntry::new(uid(0), "thigh"), MappingEntry::new(uid(0), "shin")]);
@@ -291,13 +294,13 @@ fn mappings_that_cannot_be_are_named() {
         MappingEntry { mounting: Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0), ..MappingEntry::new(uid(0), "thigh") };
     assert!(matches!(make(vec![crooked]), Some(MappingError::BadMounting { .. })));
     let splitter = puppet(&[("s", common::split(2), "")]);
-    let mapping = Mapping { entries: vec![MappingEntry::new(uid(0), "thigh")] };
+    let mapping = Mapping { entries: vec![MappingEntry::new(uid(0), "thigh")], ..Mapping::default() };
     let refused = PoseSolver::new(&splitter, &calibration, &mapping, &skeleton);
     assert!(matches!(refused, Err(MappingError::Splitter { .. })));
     let mut short = calibration.clone();
     short.set_part(uid(0), vec![SensorCalibration::unzeroed(JointAxis::Bend)]);
     assert!(matches!(PoseSolver::new(&tree, &short, &mapping, &skeleton), Err(MappingError::Calibration(_))));
-    let absent = Mapping { entries: vec![MappingEntry::new(uid(77), "thigh")] };
+    let absent = Mapping { entries: vec![MappingEntry::new(uid(77), "thigh")], ..Mapping::default() };
     assert!(PoseSolver::new(&tree, &calibration, &absent, &skeleton).is_ok(), "a part may be unplugged");
 }
 
@@ -322,7 +325,7 @@ fn solving_allocates_nothing() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Any pose, made into counts by the inverse, comes back within the resolution of three sensors.
+    /// Any pose, converted to counts by the inverse, comes back within the resolution of three sensors.
     #[test]
     fn poses_come_back_through_counts(turns in prop::collection::vec(prop::array::uniform4(-1.0_f32..1.0), 45), zero: u16) {
         let skeleton = rich_human();

@@ -1,4 +1,4 @@
-//! Proposed mappings on puppets and skeletons whose right answer is known.
+//! Proposed mappings for puppets and skeletons whose right answer is known.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
 
@@ -124,7 +124,7 @@ fn collarbones_go_without_a_joint() {
 
 #[test]
 fn hubs_are_transparent() {
-    // The pelvis hub carries the legs, the spine stands on the root beside it.
+    // The pelvis hub carries the legs; the spine is on the root beside it.
     let bones = [
         ("root", "", [0.0, 1.0, 0.0]),
         ("pelvis", "root", [0.0, 1.0, 0.0]),
@@ -163,7 +163,7 @@ fn eight_legs_run_left_front_to_back_then_right() {
         let (sin, cos) = libm::sincosf([50.0_f32, 17.0, -17.0, -50.0][leg % 4].to_radians());
         for (joint, reach) in [0.1_f32, 0.3, 0.6].into_iter().enumerate() {
             let parent = if joint == 0 { "body" } else { &names[joint - 1] };
-            // Bones come in another order than legs.
+            // The bones come in a different order from the legs.
             bones.push((names[joint].clone(), parent.to_owned(), [cos * reach * side, 0.3, sin * reach]));
             let above = if joint > 0 {
                 &names[joint - 1]
@@ -190,6 +190,15 @@ fn nothing_fits_nothing() {
     let one = skeleton(&[("only", "", [0.0, 1.0, 0.0])]);
     let proposal = propose(&puppet(&[("a", TBT, "")]), &one);
     assert_eq!(bone_of(&proposal, uid(0)), Some("only"));
+}
+
+/// The first puppet that somebody builds: branches that are all different say nothing of sides.
+#[test]
+fn two_joints_find_two_bones() {
+    let parts = [("root", PartKind::Splitter { outlets: 3 }, ""), ("bend", BEND, "root"), ("three axes", TBT, "root")];
+    let proposal = propose(&puppet(&parts), &rich_human());
+    assert_eq!(proposal.mapping.entries.len(), 2, "{:#?}", proposal.mapping.entries);
+    assert!(proposal.unmapped_parts.is_empty());
 }
 
 #[test]

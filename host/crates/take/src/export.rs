@@ -2,13 +2,19 @@
 
 use std::ops::ControlFlow;
 
-use armature_formats::{FormatError, GlbClip, GlbMesh, GlbScene, write_bvh, write_glb};
+use armature_formats::FormatError;
+use armature_formats::gltf::{GlbClip, GlbMesh, GlbScene, write_glb};
+use armature_formats::motion::{add_clip, write_bvh};
 use armature_rig::Skeleton;
 
-use crate::{
-    PackedPose, ReplayError, ReplaySummary, ResampleError, ResampleSettings, Resampled, Take, Timeline, TimelineReport,
-    resample, solve_again,
-};
+use crate::edit::Edited;
+use crate::file::{PackedPose, Take};
+use crate::keys::{KeyError, KeyReport, KeySettings, reduce_keys};
+use crate::replay::{ReplayError, ReplaySummary, solve_again};
+use crate::time::{ResampleError, ResampleSettings, Resampled, Timeline, TimelineReport, resample};
+
+/// The share of an export's progress for solving samples again; resampling takes the rest.
+const SOLVING: f64 = 0.9;
 
 /// Which poses of a take to export.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,26 +26,30 @@ pub enum PoseSource {
     SolvedAgain,
 }
 
-/// What to export of a take.
+/// How to export a take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExportSettings {
     /// Which poses.
     pub poses: PoseSource,
     /// Rate and range.
     pub resample: ResampleSettings,
+    /// How to reduce the keys of a GLB; `None`: every frame is a key.
+    pub keys: Option<KeySettings>,
 }
 
 /// Why a take cannot be exported.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ExportError {
-    /// There are no poses to bring to a rate.
+    /// There are no poses to resample.
     #[error(transparent)]
     Resample(#[from] ResampleError),
     /// The samples cannot be solved again.
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    /// The surface to export with is bound to another skeleton than the take's.
-    #[error("the take was recorded with another skeleton ({difference}); export it with the character {character:?}")]
+    /// The mesh is bound to a different skeleton than the take's.
+    #[error(
+        "the take was recorded with a different skeleton ({difference}); export it with the character {character:?}"
+    )]
     OtherSkeleton {
         /// The take's character.
         character: String,
@@ -49,42 +59,47 @@ pub enum ExportError {
     /// The format cannot hold it.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// The keys cannot be reduced.
+    #[error(transparent)]
+    Keys(#[from] KeyError),
 }
 
-/// A take's motion at a constant rate, and everything about it that was not measured.
+/// A take's motion at a constant rate, and everything in it that was not measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TakeMotion {
     /// The motion, and which gaps in it are held.
     pub resampled: Resampled,
     /// Restarts, duplicates and late poses.
     pub timeline: TimelineReport,
-    /// What solving again did, where it was asked for.
+    /// The result of solving again, if requested.
     pub replay: Option<ReplaySummary>,
 }
 
-/// A file and everything about it that was not measured.
+/// A file and everything in it that was not measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported<File> {
     /// The file.
     pub file: File,
     /// The motion in it.
     pub motion: TakeMotion,
+    /// What reducing the keys saved and changed, if it was asked for.
+    pub keys: Option<KeyReport>,
 }
 
 /// The motion of a take at a constant rate.
 ///
-/// `progress` is called with the part done, 0 to 1 (twice over when samples are solved again), and stops the
-/// work with [`ControlFlow::Break`].
+/// `progress` is called with the current stage and the fraction done, 0 to 1, and can stop the work with
+/// [`ControlFlow::Break`].
 pub fn take_motion(
     take: &Take,
     settings: &ExportSettings,
-    progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<TakeMotion, ExportError> {
-    let (solved, replay): (Vec<PackedPose>, _) = match settings.poses {
-        PoseSource::Recorded => (Vec::new(), None),
+    let (solved, replay, before): (Vec<PackedPose>, _, _) = match settings.poses {
+        PoseSource::Recorded => (Vec::new(), None, 0.0),
         PoseSource::SolvedAgain => {
-            let (poses, summary) = solve_again(take, None, progress)?;
-            (poses, Some(summary))
+            let (poses, summary) = solve_again(take, None, &mut |stage, done| progress(stage, SOLVING * done))?;
+            (poses, Some(summary), SOLVING)
         }
     };
     let timeline = match settings.poses {
@@ -92,24 +107,41 @@ pub fn take_motion(
         PoseSource::SolvedAgain => Timeline::solved(take, &solved),
     };
     let timeline = timeline.ok_or(ResampleError::NoPoses)?;
-    let resampled = resample(&timeline, &settings.resample, progress)?;
+    let resampled =
+        resample(&timeline, &settings.resample, &mut |stage, done| progress(stage, before + (1.0 - before) * done))?;
     Ok(TakeMotion { resampled, timeline: timeline.report().clone(), replay })
 }
 
-/// A take as BVH.
+/// The motion of an edited take at a constant rate.
+///
+/// `progress` as in [`take_motion`].
+pub fn edited_motion(
+    edited: &Edited,
+    settings: &ResampleSettings,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<TakeMotion, ExportError> {
+    let resampled = edited.at_rate(settings, progress)?;
+    Ok(TakeMotion { resampled, timeline: edited.timeline().report().clone(), replay: None })
+}
+
+/// A take as BVH, which has a value for every frame whatever the settings say of keys.
 pub fn export_bvh(
     take: &Take,
     settings: &ExportSettings,
-    progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Exported<String>, ExportError> {
-    let motion = take_motion(take, settings, progress)?;
-    Ok(Exported { file: write_bvh(&motion.resampled.motion)?, motion })
+    bvh_of(take_motion(take, settings, progress)?)
+}
+
+/// A motion as BVH.
+pub fn bvh_of(motion: TakeMotion) -> Result<Exported<String>, ExportError> {
+    Ok(Exported { file: write_bvh(&motion.resampled.motion)?, motion, keys: None })
 }
 
 /// The character that a take is exported with.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<'a> {
-    /// The skeleton the mesh is bound to; it has to be the take's.
+    /// The skeleton the mesh is bound to; it must be the take's.
     pub skeleton: &'a Skeleton,
     /// The mesh and how it follows the bones.
     pub mesh: GlbMesh<'a>,
@@ -121,35 +153,61 @@ pub fn export_glb(
     surface: Option<&Surface<'_>>,
     clip_name: &str,
     settings: &ExportSettings,
-    progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Exported<Vec<u8>>, ExportError> {
     let character = &take.header().character_name;
-    if let (Some(surface), Some(skeleton)) = (surface, take.skeleton())
-        && let Some(difference) = difference(skeleton, surface.skeleton)
-    {
-        return Err(ExportError::OtherSkeleton { character: character.clone(), difference });
-    }
     let motion = take_motion(take, settings, progress)?;
-    let clip = GlbClip::of_motion(clip_name, &motion.resampled.motion);
-    let scene = GlbScene {
-        name: if character.is_empty() { "character" } else { character },
+    glb_of(motion, character, surface, clip_name, settings.keys.as_ref(), progress)
+}
+
+/// A motion as GLB: skeleton, animation `clip_name`, and a skinned mesh if a surface is given. `character`: its name, or
+/// the file it came from.
+pub fn glb_of(
+    motion: TakeMotion,
+    character: &str,
+    surface: Option<&Surface<'_>>,
+    clip_name: &str,
+    keys: Option<&KeySettings>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<Exported<Vec<u8>>, ExportError> {
+    if let Some(surface) = surface
+        && let Some(difference) = difference(&motion.resampled.motion.skeleton, surface.skeleton)
+    {
+        return Err(ExportError::OtherSkeleton { character: character.to_owned(), difference });
+    }
+    let scene = |clips| GlbScene {
+        name: character_in_exports(character),
         skeleton: &motion.resampled.motion.skeleton,
         mesh: surface.map(|surface| surface.mesh),
-        clips: vec![clip],
+        clips,
     };
-    Ok(Exported { file: write_glb(&scene)?, motion })
+    let (file, keys) = match keys {
+        None => (write_glb(&scene(vec![GlbClip::of_motion(clip_name, &motion.resampled.motion)]))?, None),
+        Some(keys) => {
+            let reduced = reduce_keys(&motion.resampled.motion, keys, progress)?;
+            (add_clip(&write_glb(&scene(Vec::new()))?, clip_name, &reduced.tracks)?, Some(reduced.report))
+        }
+    };
+    Ok(Exported { file, motion, keys })
+}
+
+/// A character's name without the folders and the extension of the file it came from.
+fn character_in_exports(source: &str) -> &str {
+    let name = source.rsplit(['/', '\\']).next().unwrap_or(source);
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    if stem.is_empty() { "character" } else { stem }
 }
 
 fn difference(take: &Skeleton, given: &Skeleton) -> Option<String> {
     if take.len() != given.len() {
-        return Some(format!("it has {} bones, the one given {}", take.len(), given.len()));
+        return Some(format!("it has {} bones, the given one {}", take.len(), given.len()));
     }
     let pair = take.bones().iter().zip(given.bones()).find(|(a, b)| a != b);
     pair.map(|(a, b)| {
         if a.name == b.name {
             format!("its bone {:?} rests differently", a.name)
         } else {
-            format!("where it has the bone {:?}, the one given has {:?}", a.name, b.name)
+            format!("where it has the bone {:?}, the given one has {:?}", a.name, b.name)
         }
     })
 }

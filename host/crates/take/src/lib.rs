@@ -1,117 +1,76 @@
-//! Takes: what a puppet said, what it meant and which poses came of it; recording, replay, export.
+//! Takes: what a puppet sent, how it was interpreted and the resulting poses; recording, replay, export.
 //!
 //! A take holds raw samples with the device's own times, the puppet's topology, calibration and mapping, the
-//! character's skeleton, the solved poses to the last bit, and what was lost. From it every pose can be solved
-//! again ([`replay`], [`verify`]), brought to any rate ([`resample`]) and exported
-//! ([`export_bvh`], [`export_glb`]).
+//! character's skeleton, the solved poses to the last bit, and what was lost. From samples to a take, and from the take
+//! to a file for other programs:
 //!
 //! ```
-//! use armature_rig::{RawSample, SensorState};
-//! use armature_take::{Header, Take, TakeWriter};
+//! use std::ops::ControlFlow;
+//! use armature_rig::{Bone, Calibration, PartUid, RawSample, SensorState, Skeleton, Transform, propose, skeleton_puppet};
+//! use armature_take::{ExportSettings, Header, PoseSource, Take, TakeWriter, export_bvh};
 //!
-//! let mut writer = TakeWriter::new(Vec::new(), &Header { character_name: "spider".into(), ..Header::default() })?;
-//! let sample = RawSample { device_micros: 1_000, counts: vec![2048], states: vec![SensorState::Ok], ..Default::default() };
-//! writer.sample(&sample, None)?;
-//! let bytes = writer.finish()?;
-//!
-//! let (take, report) = Take::read(&bytes)?;
+//! let arm = Bone { name: "arm".into(), parent: None, rest: Transform::IDENTITY, tail: [0.0, 1.0, 0.0].into() };
+//! let skeleton = Skeleton::new(vec![arm])?;
+//! let (tree, _) = skeleton_puppet(&skeleton, 4096, |part| PartUid([part as u8; 12]))?;
+//! let mut writer = TakeWriter::new(Vec::new(), &Header::default())?;
+//! writer.skeleton(&skeleton)?;
+//! writer.topology(0, &tree)?;
+//! writer.calibration(&Calibration::for_tree(&tree))?;
+//! writer.mapping(&propose(&tree, &skeleton).mapping)?;
+//! for step in 0..120_u16 {
+//!     let (counts, states) = (vec![0, 10 * step, 0], vec![SensorState::Ok; 3]);
+//!     let device_micros = 8_333 * u64::from(step);
+//!     writer.sample(&RawSample { device_micros, sequence: step.into(), epoch: 0, counts, states }, None)?;
+//! }
+//! let (take, report) = Take::read(&writer.finish()?)?;
 //! assert!(report.is_whole());
-//! assert_eq!(take.samples().count(), 1);
+//! let settings = ExportSettings { poses: PoseSource::SolvedAgain, ..ExportSettings::default() };
+//! let exported = export_bvh(&take, &settings, &mut |_stage, _done| ControlFlow::Continue(()))?;
+//! assert_eq!(exported.motion.resampled.motion.frames.len(), 30);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # The file, byte by byte
-//!
-//! All numbers are little-endian; `f32` and `f64` are IEEE 754, and every bit of them counts. `text` is a `u16`
-//! length in bytes and that much UTF-8. Nothing is aligned or padded.
-//!
-//! | preamble, 16 bytes | |
+//! | module | verbs |
 //! |---|---|
-//! | 8 bytes | `8A 54 41 4B 45 0D 0A 0A` |
-//! | `u16` | major version, 1 |
-//! | `u16` | minor version: 1 if the header says 16 (below), else 0 |
-//! | `u32` | CRC-32 of the 12 bytes before |
-//!
-//! Then come records until the end of the file, the header first:
-//!
-//! | record | |
-//! |---|---|
-//! | `u16` | type |
-//! | `u32` | length of the payload, at most 67,108,864 |
-//! | length bytes | payload |
-//! | `u32` | CRC-32 of type, length and payload |
-//!
-//! The CRC-32 is the one of zip and PNG (ISO-HDLC: polynomial 04C11DB7 reflected, start and final value FFFFFFFF;
-//! of `123456789` it is CBF43926).
-//!
-//! | type | payload |
-//! |---|---|
-//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics, 32 with preferences (both since 1.1) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged 16: `u16` pinned bones · for each: `text` name · if flagged 32 as well: `u16` preferences · for each: `text` |
-//! | 2 skeleton, at most once, before the first pose | `u16` bones · for each: `text` name · `u16` parent, FFFF for a root · rest transform `parent_from_bone`: 3 `f32` translation, 4 `f32` rotation (x, y, z, w), 3 `f32` scale · 3 `f32` tail in the bone's rest frame |
-//! | 3 topology, from here on | `u16` epoch · `u16` parts, at most 4,096 · for each: 12 bytes number · `u8` kind: 1 bend, 2 twist, 3 twist-bend-twist, 4 splitter · `u8` outlets of a splitter, else 0 · `u16` parent, FFFF for the root · `u8` outlet of the parent · `u32` counts a turn |
-//! | 4 calibration, from here on, replaces the former one | `u16` parts · for each: 12 bytes number · `u8` sensors · for each: `u8` flags: 1 zeroed, 2 reversed, 4 turns about the twist axis (else bend) · `u16` count in the rest pose, 0 if not zeroed |
-//! | 5 mapping, from here on, replaces the former one | `u16` entries, at most 4,096 · for each: 12 bytes part number · `text` bone · 4 `f32` mounting (x, y, z, w) |
-//! | 6 sample | `u32` sequence · `u64` device time, microseconds · `u16` epoch of the topology that numbers the sensors · `u8` flags: 1 host time follows, 2 states follow · `u16` sensors · if flagged: `f64` host time of receipt, seconds · for each sensor: `u16` count · if flagged: states, 2 bits a sensor, the first in the lowest bits, ⌈sensors / 4⌉ bytes: 0 ok, 1 no data, 2 magnet weak, 3 outlier (without the flag all are ok) |
-//! | 7 pose | `u32` sequence and `u64` device time of its sample · `u16` bones, as many as the skeleton has · for each bone `u8` flags: 1 translation, 2 rotation, 4 scale follows · then, bone after bone, what the flags say: 3 `f32` translation, 4 `f32` rotation, 3 `f32` scale. What is not there has the bits of the rest transform |
-//! | 8 event | `u8` flags: 1 device time given, 2 host time given · `u64` device time, microseconds · `f64` host time, seconds · `u16` what: 1 lost samples (`u64` count, `u32` sequence before them), 2 noise (`u64` frames with a wrong checksum, `u64` bytes passed over), 3 the device started anew, 4 the line came back, 5 topology changes (`u16` epoch), 6 marker (`text`), 7 the stream lost its beat (`u64` pieces that were no frame at all, before it was found again) |
-//! | 9 end, last | `u64` each: records before this one, samples, poses, events, bytes before this record |
-//!
-//! | 10 joint settings, right behind a calibration, where something of this is set | a filter for all · `u16` parts · for each: 12 bytes number · `u8` flags: 1 mounting, 2 heading, 4 filter · 4 `f32` mounting (x, y, z, w) · `f64` heading, radians · a filter · `u16` ranges · for each: 12 bytes number · `u8` sensor · `u16` count at the first stop · `u32` counts to the other one. A filter: `u8` kind: 0 none, 1 One Euro (cutoff, beta, speed cutoff), 2 hold (seconds) · 3 `f64` |
-//! | 11 engagement, from here on | `u32` microseconds over which a part that comes back takes its bone along · `u8` 1: the whole puppet comes back here |
-//!
-//! Fields whose flag is not set hold zero. Equal content gives equal bytes.
-//!
-//! # What a crash leaves, and what damage costs
-//!
-//! Records are only ever appended, each in one piece. After a crash the file ends with whole records and at most
-//! one cut one, and lacks the end record. A reader that meets a wrong checksum goes on behind the record if
-//! another whole record stands there, and else looks for the next whole record byte by byte; [`ReadReport`] names
-//! every byte that was left out, and with the end record how many records of which kind.
-//!
-//! # Compatibility
-//!
-//! - A reader refuses another major version, and says so.
-//! - Types 10 and 11 and event 7 came after the first takes of version 1.0 and only stand in takes that need them;
-//!   programs from before pass over them and say so.
-//! - A higher minor version may bring new record types, which older readers pass over by their length and report,
-//!   and may append fields to payloads, which older readers ignore. Event codes may be added in the same
-//!   way; a reader leaves an event it does not know out and reports it. Nothing else changes.
-//! - Every program of major version 1 reads every take of version 1.x that an earlier one wrote. A golden take in
-//!   `tests/golden/` holds us to it.
+//! | [`file`] | [`TakeWriter`] appends records, [`Take::read`] reads them; the format byte by byte |
+//! | [`replay`](mod@replay) | [`replay()`] solves every sample again; [`verify`] compares each pose bit for bit |
+//! | [`edit`] | [`apply_edits`]: trim, overdub, smooth and so on, by a text file beside the takes |
+//! | [`compare`](mod@compare) | [`compare()`]: the poses of one take against those of another |
+//! | [`time`] | [`Timeline::recorded`] puts poses on one timeline; [`resample`] brings them to a constant rate; [`FrameRate`] and [`Timecode`] name frames |
+//! | [`keys`] | [`reduce_keys`]: fewer keys, with a bound on what that changes |
+//! | [`export`] | [`export_bvh`] and [`export_glb`] |
+//! | [`summary`] | [`summarize`]: counts, times and losses |
+//! | [`receipt`](mod@receipt) | [`receipt()`]: what the measurement is worth: rate, jitter, losses, lag, drift |
 
-mod bytes;
-mod device_clock;
-mod error;
-mod export;
-mod frame;
-mod packed_pose;
-mod payload;
-mod payload_rig;
-mod reader;
-mod record;
-mod replay;
-mod report;
-mod resample;
-mod summary;
-mod timeline;
-mod writer;
+pub mod compare;
+pub mod edit;
+pub mod export;
+pub mod file;
+pub mod keys;
+pub mod receipt;
+pub mod replay;
+pub mod summary;
+pub mod time;
 
-pub use device_clock::ClockRestart;
-pub use error::{PayloadError, TakeError, WriteError};
+pub use compare::{CompareError, Comparison, PoseDifference, Tolerance, compare};
+pub use edit::{Edit, EditError, EditList, EditListError, Edited, apply_edits};
 pub use export::{
-    ExportError, ExportSettings, Exported, PoseSource, Surface, TakeMotion, export_bvh, export_glb, take_motion,
+    ExportError, ExportSettings, Exported, PoseSource, Surface, TakeMotion, bvh_of, edited_motion, export_bvh,
+    export_glb, glb_of, take_motion,
 };
-pub use frame::{MAGIC, MAJOR_VERSION, MAX_PAYLOAD_BYTES, MINOR_VERSION, PREAMBLE_BYTES, RECORD_OVERHEAD_BYTES};
-pub use packed_pose::PackedPose;
-pub use payload::MAX_PARTS;
-pub use reader::Take;
-pub use record::{Event, EventKind, Header, InverseKinematicsHeader, Record, RecordKind, Sample, Topology, Totals};
+pub use file::{
+    ClockFault, Event, EventKind, Header, InverseKinematicsHeader, MAGIC, MAJOR_VERSION, MAX_PARTS, MAX_PAYLOAD_BYTES,
+    MINOR_VERSION, PREAMBLE_BYTES, PackedPose, PayloadError, Problem, RECORD_OVERHEAD_BYTES, ReadReport, Record,
+    RecordKind, Sample, Take, TakeError, TakeWriter, Topology, Totals, UnknownRecords, WriteError,
+};
+pub use keys::{KeyError, KeyReport, KeySettings, ReducedKeys, reduce_keys};
+pub use receipt::{Arrival, FilterLag, Jitter, LAG_AT_SPEEDS, Posing, Receipt, receipt};
 pub use replay::{
     Completing, Difference, ReplayError, ReplaySummary, Replayed, Verification, replay, solve_again, verify,
     verify_completed,
 };
-pub use report::{Problem, ReadReport, UnknownRecords};
-pub use resample::{HeldGap, ResampleError, ResampleSettings, Resampled, resample};
-pub use summary::{Summary, summarize};
-pub use timeline::{Timeline, TimelineReport};
-pub use writer::TakeWriter;
+pub use summary::{SilentJoint, Summary, summarize};
+pub use time::{
+    ClockFaults, ClockRestart, FrameRate, FrameRateError, HeldGap, ResampleError, ResampleSettings, Resampled,
+    Timecode, TimecodeError, Timeline, TimelineReport, resample,
+};

@@ -1,26 +1,25 @@
-//! Solving a recorded take again, and comparing with what was recorded.
+//! Solving a recorded take again, and comparing it with the recording.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
 use armature_rig::{Pose, PoseCompletion, Skeleton, SolveError, StreamSolver, Transform};
 
-use crate::packed_pose::same_bits;
-use crate::{PackedPose, Record, Sample, Take};
+use crate::file::{PackedPose, Record, Sample, Take, same_bits};
 
-/// How many samples back a recorded pose may refer to. Programs write a pose right behind its sample, or a few
-/// samples later when solving runs on another thread.
+/// How many samples back a recorded pose may refer to. Programs write a pose right after its sample, or a few samples
+/// later if solving runs on another thread.
 const SAMPLES_REMEMBERED: usize = 64;
 
 /// Why a take cannot be replayed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReplayError {
     /// The take has no skeleton.
-    #[error("the take holds no skeleton, so its samples cannot be turned into poses; record with a character")]
+    #[error("the take holds no skeleton, so its samples cannot be turned into poses; record it with a character")]
     NoSkeleton,
-    /// The take's poses were completed by inverse kinematics, and nobody is there who could do that again.
+    /// The take's poses were completed by inverse kinematics, and no solver was given that could repeat it.
     #[error(
-        "bones without a joint were turned by inverse kinematics, which needs the character's shape; give the character the take was recorded with"
+        "bones without a joint were posed by inverse kinematics, which needs the character's shape; give the character the take was recorded with"
     )]
     NeedsCharacter,
     /// The callback asked to stop.
@@ -28,7 +27,7 @@ pub enum ReplayError {
     Cancelled,
 }
 
-/// What turns bones without a joint while a take is solved again, where there is something.
+/// Poses bones without a joint while a take is solved again, if given.
 pub type Completing<'a> = Option<&'a mut dyn PoseCompletion>;
 
 /// One record of a take as it is replayed.
@@ -56,14 +55,14 @@ pub struct ReplaySummary {
     pub first_unsolved: Option<(usize, SolveError)>,
 }
 
-/// Solves every sample of a take with the skeleton, topology, calibration and mapping that hold at its place,
-/// and hands over every record in file order: its index, and what became of it.
+/// Solves every sample of a take with the skeleton, topology, calibration and mapping in force at its place, and passes
+/// on every record in file order: its index and its result.
 ///
-/// Samples that cannot be solved are handed over as such and counted. The callback stops the replay with
+/// Samples that cannot be solved are passed on as such and counted. The callback can stop the replay with
 /// [`ControlFlow::Break`].
 ///
 /// A take that was recorded with inverse kinematics needs the same `completion` again, pinned as the header says; it
-/// starts afresh. For any other take it is left aside.
+/// starts from scratch. Any other take ignores it.
 pub fn replay(
     take: &Take,
     completion: Completing<'_>,
@@ -77,7 +76,6 @@ pub fn replay(
     if let Some(completion) = &mut completion {
         completion.restart();
     }
-    let mut completed = Pose::default();
     let mut solver = StreamSolver::new(take.skeleton().ok_or(ReplayError::NoSkeleton)?.clone());
     let mut summary = ReplaySummary::default();
     for (index, record) in take.records().iter().enumerate() {
@@ -86,16 +84,12 @@ pub fn replay(
             Record::Calibration(calibration) => solver.set_calibration(calibration.clone()),
             Record::Mapping(mapping) => solver.set_mapping(mapping.clone()),
             Record::Engagement { micros, all } => solver.engage(*micros, *all),
+            Record::ReadingsReturn { micros } => solver.return_over(*micros),
             Record::Skeleton(_) | Record::Sample(_) | Record::Pose(_) | Record::Event(_) => {}
         }
         let replayed = match record {
             Record::Sample(sample) => {
-                let solved =
-                    solver.solve(&sample.raw).map(|pose| completed.parent_from_bone.clone_from(&pose.parent_from_bone));
-                if let (Ok(()), Some(completion), Some(state)) = (&solved, &mut completion, solver.solver()) {
-                    completion.complete(state.bone_status(), &mut completed);
-                }
-                let pose = solved.map(|()| &completed);
+                let pose = solver.solve_completed(&sample.raw, completion.as_deref_mut());
                 match &pose {
                     Ok(_) => summary.solved += 1,
                     Err(error) => {
@@ -133,18 +127,18 @@ pub struct Difference {
     pub solved: Transform,
 }
 
-/// What comparing a take with its replay found.
+/// The result of comparing a take with its replay.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verification {
     /// What the replay did.
     pub replay: ReplaySummary,
     /// Recorded poses with the same bits.
     pub identical: u64,
-    /// Recorded poses with other bits.
+    /// Recorded poses with different bits.
     pub different: u64,
     /// Recorded poses whose sample is not among the ones before it, or cannot be solved.
     pub without_sample: u64,
-    /// The first one with other bits.
+    /// The first one with different bits.
     pub first_difference: Option<Difference>,
 }
 
@@ -157,8 +151,12 @@ impl Verification {
 
 /// Replays a take and compares every recorded pose with the one solved again, bit for bit.
 ///
-/// `progress` is called with the part done, 0 to 1, and stops the work with [`ControlFlow::Break`].
-pub fn verify(take: &Take, progress: &mut dyn FnMut(f32) -> ControlFlow<()>) -> Result<Verification, ReplayError> {
+/// `progress` is called with the current stage and the fraction done, 0 to 1, and can stop the work with
+/// [`ControlFlow::Break`].
+pub fn verify(
+    take: &Take,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<Verification, ReplayError> {
     verify_completed(take, None, progress)
 }
 
@@ -166,7 +164,7 @@ pub fn verify(take: &Take, progress: &mut dyn FnMut(f32) -> ControlFlow<()>) -> 
 pub fn verify_completed(
     take: &Take,
     completion: Completing<'_>,
-    progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Verification, ReplayError> {
     let skeleton = take.skeleton().ok_or(ReplayError::NoSkeleton)?;
     let mut verification = Verification::default();
@@ -186,14 +184,15 @@ pub fn verify_completed(
     Ok(Verification { replay, ..verification })
 }
 
-/// Solves every sample of a take again and packs the poses: for a take recorded without poses, or to use a
-/// mapping that was put right.
+/// Solves every sample of a take again and packs the poses: for a take recorded without poses, or after correcting a
+/// mapping.
 ///
-/// `progress` is called with the part done, 0 to 1, and stops the work with [`ControlFlow::Break`].
+/// `progress` is called with the current stage and the fraction done, 0 to 1, and can stop the work with
+/// [`ControlFlow::Break`].
 pub fn solve_again(
     take: &Take,
     completion: Completing<'_>,
-    progress: &mut dyn FnMut(f32) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<(Vec<PackedPose>, ReplaySummary), ReplayError> {
     let skeleton = take.skeleton().ok_or(ReplayError::NoSkeleton)?;
     let mut poses = Vec::new();
@@ -206,15 +205,19 @@ pub fn solve_again(
     Ok((poses, summary))
 }
 
-fn report(progress: &mut dyn FnMut(f32) -> ControlFlow<()>, index: usize, count: usize) -> ControlFlow<()> {
+fn report(
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+    index: usize,
+    count: usize,
+) -> ControlFlow<()> {
     if index.is_multiple_of(1024) || index + 1 == count {
-        progress((index + 1) as f32 / count as f32)
+        progress("solving again", (index + 1) as f64 / count as f64)
     } else {
         ControlFlow::Continue(())
     }
 }
 
-/// The latest solved samples and their poses, newest first; the storage of the oldest is used again.
+/// The latest solved samples and their poses, newest first; the storage of the oldest is reused.
 #[derive(Debug, Default)]
 struct Recent {
     solved: VecDeque<(u32, u64, Pose)>,

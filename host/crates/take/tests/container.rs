@@ -1,4 +1,4 @@
-//! The container: what goes in comes out, and what is damaged is named.
+//! The container: it returns what was put in, and reports what is damaged.
 
 #![allow(clippy::unwrap_used, reason = "a failing test names its line")]
 
@@ -30,7 +30,7 @@ fn record_offsets(bytes: &[u8]) -> Vec<usize> {
     offsets
 }
 
-/// CRC-32 as in ISO-HDLC (zip, PNG), bit by bit: written apart from the crate's own.
+/// CRC-32 as in ISO-HDLC (zip, PNG), bit by bit: independent of the crate's own.
 fn crc_32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, |crc, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |c, _| if c & 1 == 1 { (c >> 1) ^ 0xEDB8_8320 } else { c >> 1 })
@@ -53,7 +53,7 @@ fn preamble(major: u16, minor: u16) -> Vec<u8> {
     bytes
 }
 
-/// The bytes of `small_take` with another version in front.
+/// The bytes of `small_take` with a different version at the start.
 fn with_version(major: u16, minor: u16, bytes: &[u8]) -> Vec<u8> {
     [&preamble(major, minor), &bytes[PREAMBLE_BYTES..]].concat()
 }
@@ -157,7 +157,7 @@ fn one_bad_bit_anywhere_loses_one_record() {
             Some(Problem::CutOff { offset, .. }) => assert!(*offset == start && last, "bit {bit}: {report}"),
             other => panic!("bit {bit}: {other:?}"),
         }
-        // Without the skeleton (the first record after the header) the poses mean nothing; all else stays.
+        // Without the skeleton (the first record after the header) the poses are meaningless; everything else stays.
         let kept = whole
             .records()
             .iter()
@@ -286,8 +286,8 @@ fn huge_counts_in_small_records_allocate_nothing() {
     assert!(matches!(report.problems[2], Problem::Unusable { reason: PayloadError::TooShort { field: "marker" }, .. }));
 }
 
-/// A file of false starts, each of which claims all the rest: reading it must not take quadratic time.
-/// 16 MiB would be 10¹³ checksummed bytes; the bound makes it 1.3·10⁸.
+/// A file of false starts, each of which claims everything after it: reading it must not take quadratic time. 16 MiB
+/// would mean 10¹³ checksummed bytes; the bound makes it 1.3·10⁸.
 #[test]
 fn a_file_of_false_starts_is_given_up_and_says_so() {
     let mut bytes = small_take(1);
@@ -305,7 +305,7 @@ fn a_file_of_false_starts_is_given_up_and_says_so() {
     assert_eq!(report.problems, [Problem::Damaged { offset: start, bytes, kind, rest_unread: true }]);
 }
 
-/// Takes `room` bytes and then refuses, as a full disk does.
+/// Takes `room` bytes and then refuses, like a full disk.
 struct Full {
     room: usize,
     bytes: Vec<u8>,

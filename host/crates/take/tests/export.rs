@@ -1,40 +1,35 @@
-//! Exports: the file says the rate it has, and the motion comes back from it.
+//! Exports: the file states its rate, and the motion can be read back from it.
 
 #![allow(clippy::unwrap_used, reason = "a failing test names its line")]
 
 mod support;
 
 use std::ops::ControlFlow;
-use std::path::Path;
 
-use armature_formats::{GlbMesh, read_bvh, read_model};
+use armature_formats::gltf::GlbMesh;
+use armature_formats::motion::read_bvh;
+use armature_formats::read_model;
 use armature_rig::{Motion, Pose, Skeleton};
 use armature_take::{
     ExportError, ExportSettings, Header, PoseSource, ReplayError, ResampleSettings, Surface, Take, TakeWriter,
     export_bvh, export_glb, take_motion,
 };
+use armature_test_support::shared_bytes;
 use glam::{Affine3A, Vec3};
-use support::{arm, arm_calibration, arm_mapping, arm_tree, header, raw, read};
+use support::{begun, header, raw, read};
 
-fn go_on(_: f32) -> ControlFlow<()> {
+fn go_on(_: &'static str, _: f64) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
 fn settings(poses: PoseSource, frames_per_second: f64) -> ExportSettings {
-    ExportSettings { poses, resample: ResampleSettings { frames_per_second, ..ResampleSettings::default() } }
+    let resample = ResampleSettings { frames_per_second, ..ResampleSettings::default() };
+    ExportSettings { poses, resample, ..ExportSettings::default() }
 }
 
 /// A second at 100 samples a second, without poses unless `poses`.
 fn recorded(poses: bool) -> Take {
-    let mut writer = TakeWriter::new(Vec::new(), &header()).unwrap();
-    let mut solver = armature_rig::StreamSolver::new(arm());
-    solver.set_topology(1, arm_tree());
-    solver.set_calibration(arm_calibration());
-    solver.set_mapping(arm_mapping());
-    writer.skeleton(&arm()).unwrap();
-    writer.topology(1, &arm_tree()).unwrap();
-    writer.calibration(&arm_calibration()).unwrap();
-    writer.mapping(&arm_mapping()).unwrap();
+    let (mut writer, mut solver) = begun(&header());
     for n in 0..=100 {
         let sample = raw(n, 1_000_000 + 10_000 * u64::from(n));
         writer.sample(&sample, None).unwrap();
@@ -70,7 +65,7 @@ fn bvh_has_the_rate_asked_for_and_gives_the_motion_back() {
     let take = recorded(true);
     for (rate, frames) in [(24.0, 25), (100.0, 101), (29.97, 30)] {
         let exported = export_bvh(&take, &settings(PoseSource::Recorded, rate), &mut go_on).unwrap();
-        let read = read_bvh(exported.file.as_bytes()).unwrap();
+        let read = read_bvh(exported.file.as_bytes()).unwrap().motion;
         assert_eq!(read.frames.len(), frames, "{rate}");
         assert!((read.frame_seconds - 1.0 / rate).abs() < 1e-6, "{} at {rate}", read.frame_seconds);
         let distance = largest_distance(&exported.motion.resampled.motion, &read);
@@ -94,29 +89,18 @@ fn without_a_skeleton_there_is_nothing_to_export() {
     let take = read(&writer.finish().unwrap());
     let solved = take_motion(&take, &settings(PoseSource::SolvedAgain, 30.0), &mut go_on);
     assert_eq!(solved, Err(ExportError::Replay(ReplayError::NoSkeleton)));
-    let cancelled = take_motion(&recorded(true), &ExportSettings::default(), &mut |_| ControlFlow::Break(()));
+    let cancelled = take_motion(&recorded(true), &ExportSettings::default(), &mut |_, _| ControlFlow::Break(()));
     assert!(matches!(cancelled, Err(ExportError::Resample(armature_take::ResampleError::Cancelled))));
 }
 
-fn shared_data(name: &str) -> Option<Vec<u8>> {
-    let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    let found = folders.map(|folder| folder.join("shared/data").join(name)).find(|path| path.exists());
-    if found.is_none() {
-        let required = std::env::var_os("ARMATURE_REQUIRE_SHARED_DATA").is_some();
-        assert!(!required, "shared/data/{name} is missing and ARMATURE_REQUIRE_SHARED_DATA is set");
-        println!("SKIPPED: there is no shared/data/{name} above this crate");
-    }
-    found.map(|path| std::fs::read(path).unwrap())
-}
-
-fn read_glb(bytes: &[u8]) -> armature_formats::Model {
-    read_model("a.glb", bytes, &|name| Err(format!("nothing beside it, not {name}"))).unwrap()
+fn read_glb(bytes: &[u8]) -> armature_formats::model::Model {
+    read_model("a.glb", bytes, &|name| Err(format!("it needs no other file, but asked for {name}"))).unwrap()
 }
 
 /// A real rigged animal: its own animation recorded as a take, exported with its mesh, read back.
 #[test]
 fn a_skinned_glb_gives_mesh_weights_and_motion_back() {
-    let Some(bytes) = shared_data("Fox.glb") else { return };
+    let Some(bytes) = shared_bytes("Fox.glb") else { return };
     let fox = read_glb(&bytes);
     let (skeleton, motion) = (&fox.rig.as_ref().unwrap().skeleton, &fox.motions[0].1);
     let header = Header { character_name: "fox".into(), ..Header::default() };

@@ -1,7 +1,7 @@
-//! A take that was written once and has to be read for ever.
+//! A take that was written once and must stay readable forever.
 //!
-//! `ARMATURE_UPDATE_GOLDEN=1 cargo test -p armature-take --test golden` writes it anew; do so only while the
-//! format has not been released, or for a new minor version beside the old file.
+//! `ARMATURE_UPDATE_GOLDEN=1 cargo test -p armature-take --test golden` rewrites it; do that only while the format has
+//! not been released, or for a new minor version alongside the old file.
 
 #![allow(clippy::unwrap_used, reason = "a failing test names its line")]
 
@@ -31,7 +31,7 @@ fn header() -> Header {
     }
 }
 
-/// Everything a record can hold, in numbers that a 32-bit float holds exactly.
+/// Everything a record can hold, with numbers that a 32-bit float represents exactly.
 fn skeleton() -> Skeleton {
     let rest = |x: f32, scale: f32| Transform {
         translation: Vec3::new(x, 0.25, -0.5),
@@ -81,7 +81,7 @@ fn calibration() -> Calibration {
 fn mapping() -> Mapping {
     let mut antenna = MappingEntry::new(tree().parts()[2].uid, "Fühler");
     antenna.mounting = Quat::from_xyzw(0.0, 1.0, 0.0, 0.0);
-    Mapping { entries: vec![MappingEntry::new(tree().parts()[1].uid, "left leg"), antenna] }
+    Mapping { entries: vec![MappingEntry::new(tree().parts()[1].uid, "left leg"), antenna], ..Mapping::default() }
 }
 
 fn samples() -> [(RawSample, Option<f64>); 2] {
@@ -198,11 +198,11 @@ fn its_bytes_stand_where_the_table_says() {
     assert_eq!(bytes[90..97], *b"\x05\x000.1.0");
 }
 
-/// Its poses were made up, so a replay has to say that they differ, and where first.
+/// Its poses were made up, so a replay must report that they differ, and where first.
 #[test]
 fn its_poses_differ_from_a_replay_as_they_should() {
     let (take, _) = Take::read(&GOLDEN).unwrap();
-    let verification = verify(&take, &mut |_| std::ops::ControlFlow::Continue(())).unwrap();
+    let verification = verify(&take, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     assert_eq!((verification.identical, verification.different, verification.without_sample), (0, 2, 0));
     let first = verification.first_difference.unwrap();
     assert_eq!((first.record, first.sequence, first.bone_name.as_str()), (6, 41, "left leg"));

@@ -1,4 +1,4 @@
-//! Filters, mountings, ranges and the way back of parts go into a take and come out of it, and a replay goes by them.
+//! Filters, mountings, ranges and the return of parts are stored in a take and read back, and a replay applies them.
 
 #![allow(clippy::unwrap_used, reason = "a failing test names its line")]
 
@@ -13,7 +13,7 @@ use armature_take::{
 use glam::Quat;
 use support::{arm, arm_calibration, arm_mapping, arm_tree, event, raw, read};
 
-/// Everything that a calibration can say.
+/// Everything that a calibration can contain.
 fn rich() -> Calibration {
     let mut calibration = arm_calibration();
     calibration.filter = "hold:40".parse().unwrap();
@@ -21,7 +21,7 @@ fn rich() -> Calibration {
     let filter = Some("one-euro:1.5,0.25".parse().unwrap());
     let mounting = Quat::from_rotation_x(0.3);
     calibration.set_part_settings(parts[0], PartSettings { mounting, heading: -0.75, filter });
-    // A part that was set once and is not known as calibrated.
+    // A part with settings that is not listed as calibrated.
     calibration.set_part_settings(PartUid([9; 12]), PartSettings { heading: 2.0, ..PartSettings::default() });
     let range = Some(SensorRange { first_counts: 16_000, span_counts: 5_000 });
     calibration.sensor_mut(parts[0], 0).unwrap().range = range;
@@ -33,7 +33,7 @@ fn what_a_calibration_says_comes_back() {
     let mut writer = TakeWriter::new(Vec::new(), &Header::default()).unwrap();
     writer.calibration(&arm_calibration()).unwrap();
     let plain = writer.totals();
-    assert_eq!(plain.records, 2, "a plain calibration takes no more room than it ever did");
+    assert_eq!(plain.records, 2, "a plain calibration takes no more space than it ever did");
     writer.calibration(&rich()).unwrap();
     writer.engagement(250_000, true).unwrap();
     writer.event(&event(EventKind::Resync { count: 7 })).unwrap();
@@ -47,7 +47,7 @@ fn what_a_calibration_says_comes_back() {
     ];
     assert_eq!(take.records()[..3], expected);
     assert_eq!(summarize(&take).resyncs, 7);
-    assert_eq!(take.write(Vec::new()).unwrap(), bytes, "and goes out again, byte for byte");
+    assert_eq!(take.write(Vec::new()).unwrap(), bytes, "and is written again byte for byte");
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn settings_that_stand_alone_or_cannot_be_are_named() {
         let found = whole.windows(2).position(|pair| pair == kind.code().to_le_bytes());
         found.unwrap()
     };
-    // The calibration in front is damaged: what follows belongs to nothing.
+    // The calibration before it is damaged: what follows belongs to nothing.
     let mut damaged = whole.clone();
     damaged[at(RecordKind::Calibration) + 8] ^= 1;
     let (take, report) = Take::read(&damaged).unwrap();
@@ -70,7 +70,7 @@ fn settings_that_stand_alone_or_cannot_be_are_named() {
     assert!(take.records().is_empty());
 }
 
-/// Two sensors that swing, and one that is away for a while.
+/// Two sensors that swing, one of which is missing for a while.
 fn sample(step: u32) -> RawSample {
     let tree = arm_tree();
     let mut sample = raw(step, u64::from(step) * 5_000);
@@ -107,9 +107,9 @@ fn a_replay_goes_by_filters_and_by_the_way_back_bit_for_bit() {
         writer.pose(sample.sequence, sample.device_micros, &pose).unwrap();
     }
     let take = read(&writer.finish().unwrap());
-    let verified = verify(&take, &mut |_| ControlFlow::Continue(())).unwrap();
+    let verified = verify(&take, &mut |_, _| ControlFlow::Continue(())).unwrap();
     assert!(verified.is_exact() && verified.identical == 200, "{verified:?}");
-    // Without what the records say, the poses are others: they are needed.
+    // Without the recorded settings the poses differ: the settings are needed.
     let mut other = TakeWriter::new(Vec::new(), &Header::default()).unwrap();
     for record in take.records() {
         match record {
@@ -119,5 +119,5 @@ fn a_replay_goes_by_filters_and_by_the_way_back_bit_for_bit() {
         }
     }
     let other = read(&other.finish().unwrap());
-    assert!(verify(&other, &mut |_| ControlFlow::Continue(())).unwrap().different > 100);
+    assert!(verify(&other, &mut |_, _| ControlFlow::Continue(())).unwrap().different > 100);
 }

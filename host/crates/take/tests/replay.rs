@@ -1,4 +1,4 @@
-//! Replay: the recorded poses come again, bit for bit, and what does not is named.
+//! Replay: the recorded poses come out again, bit for bit, and any difference is named.
 
 #![allow(clippy::unwrap_used, reason = "a failing test names its line")]
 
@@ -12,7 +12,7 @@ use glam::Quat;
 use proptest::prelude::*;
 use support::{arm, arm_calibration, arm_mapping, arm_tree, bits, header, pose, raw, read};
 
-fn go_on(_: f32) -> ControlFlow<()> {
+fn go_on(_: &'static str, _: f64) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
@@ -33,7 +33,7 @@ enum Step {
     Plug(bool),
 }
 
-/// Records as a live program does: every change and every sample goes to solver and writer alike.
+/// Records as the live program does: every change and every sample goes to both solver and writer.
 struct Studio {
     solver: StreamSolver,
     writer: TakeWriter<Vec<u8>>,
@@ -111,7 +111,7 @@ fn any_step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    /// Held readings, changes of everything in mid-take, samples that come twice or out of order.
+    /// Held readings, changes of everything in mid-take, samples repeated or out of order.
     #[test]
     fn any_session_replays_bit_for_bit(steps in prop::collection::vec(any_step(), 1..60)) {
         let mut studio = Studio::new();
@@ -236,7 +236,7 @@ fn a_replay_needs_a_skeleton_and_can_be_cancelled() {
     let mut studio = Studio::new();
     studio.sample(raw(0, 0));
     let take = read(&studio.writer.finish().unwrap());
-    assert_eq!(verify(&take, &mut |_| ControlFlow::Break(())), Err(ReplayError::Cancelled));
+    assert_eq!(verify(&take, &mut |_, _| ControlFlow::Break(())), Err(ReplayError::Cancelled));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Resampling: true to the motion, honest about the rate and about what was not measured.
+//! Resampling: true to the motion, and honest about the rate and about what was not measured.
 
 #![allow(clippy::unwrap_used, reason = "a failing test names its line")]
 
@@ -14,7 +14,7 @@ use glam::{DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 use support::{arm, bits, header, raw, read};
 
-fn go_on(_: f32) -> ControlFlow<()> {
+fn go_on(_: &'static str, _: f64) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
@@ -23,7 +23,7 @@ fn at_rate(take: &Take, frames_per_second: f64) -> Resampled {
     resample(&Timeline::recorded(take).unwrap(), &settings, &mut go_on).unwrap()
 }
 
-/// Turning frequency in radians a second and amplitude in radians of the lower arm.
+/// Angular frequency in radians per second and amplitude in radians of the lower arm.
 const OMEGA: f64 = 5.0;
 const AMPLITUDE: f64 = 1.1;
 
@@ -35,7 +35,7 @@ fn stride(seconds: f64) -> f64 {
     0.4 * seconds * seconds
 }
 
-/// A motion known at every time: the lower arm swings about a slanted axis, the root speeds up along Z.
+/// A motion known at every time: the lower arm swings about a slanted axis, the root accelerates along Z.
 fn motion(seconds: f64) -> Pose {
     let mut pose = arm().rest_pose();
     pose.parent_from_bone[0].translation.z = stride(seconds) as f32;
@@ -47,7 +47,7 @@ fn axis() -> Vec3 {
     Vec3::new(1.0, 2.0, -0.5).normalize()
 }
 
-/// Records `motion` at these device times, in this order; the first one is time zero of the motion.
+/// Records `motion` at these device times, in this order; the first one is the motion's time zero.
 fn record(device_micros: &[u64]) -> Take {
     let mut writer = TakeWriter::new(Vec::new(), &header()).unwrap();
     writer.skeleton(&arm()).unwrap();
@@ -103,6 +103,7 @@ proptest! {
         rate in prop_oneof![any::<f64>(), 1.0..100.0],
         range in prop::option::of((any::<f64>(), any::<f64>())),
         hold_gaps_over_seconds in any::<f64>(),
+        low_pass in any::<bool>(),
     ) {
         let mut writer = TakeWriter::new(Vec::new(), &header()).unwrap();
         writer.skeleton(&arm()).unwrap();
@@ -112,10 +113,10 @@ proptest! {
         }
         let take = read(&writer.finish().unwrap());
         let timeline = Timeline::recorded(&take).unwrap();
-        let settings = ResampleSettings { frames_per_second: rate, range_seconds: range, hold_gaps_over_seconds };
-        // Cancelled soon: some of these ask for millions of frames.
+        let settings = ResampleSettings { frames_per_second: rate, range_seconds: range, hold_gaps_over_seconds, low_pass };
+        // Cancelled early: some of these ask for millions of frames.
         let mut calls = 0;
-        let _ = resample(&timeline, &settings, &mut |_| { calls += 1; if calls > 9 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) } });
+        let _ = resample(&timeline, &settings, &mut |_, _| { calls += 1; if calls > 9 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) } });
     }
 }
 
@@ -189,7 +190,7 @@ fn a_restart_of_the_device_is_bridged_by_the_hosts_clock() {
     };
     run(&mut writer, 0, 100.0, 0);
     writer.event(&Event { device_micros: None, host_seconds: None, kind: EventKind::Restart }).unwrap();
-    // The same clock and sequence numbers once more: only the event tells.
+    // The same clock and sequence numbers again: only the event shows it.
     run(&mut writer, 0, 103.0, 10);
     let take = read(&writer.finish().unwrap());
     let timeline = Timeline::recorded(&take).unwrap();

@@ -1,15 +1,14 @@
-//! Computes bone heat weights for a mesh and a skeleton and prints what it found and how long each phase took:
+//! Computes bone heat weights for a mesh and a skeleton, and prints the findings and how long each stage took:
 //! `cargo run --release -p armature-weights --example bone_heat -- mesh.obj skeleton.tgf [weights.f64 [heat]]`.
 //! The optional third file receives the weights as little-endian f64, column-major; `heat` is the setting `c`.
 
-#[path = "../tests/support/mod.rs"]
 mod support;
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use armature_weights::{BoneHeatSettings, bone_heat};
+use armature_weights::heat::{BoneHeatSettings, bone_heat};
+use support::{read_obj, read_tgf, stopwatch};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -17,22 +16,15 @@ fn main() {
         eprintln!("usage: bone_heat mesh.obj skeleton.tgf [weights.f64 [heat]]");
         std::process::exit(2);
     };
-    let mesh = support::read_obj(Path::new(mesh));
-    let bones = support::read_tgf(Path::new(skeleton));
+    let mesh = read_obj(Path::new(mesh));
+    let bones = read_tgf(Path::new(skeleton));
     println!("{} vertices, {} triangles, {} bones", mesh.vertices.len(), mesh.triangles.len(), bones.len());
     let mut settings = BoneHeatSettings::default();
     if let Some(heat) = rest.get(1) {
         settings.heat = heat.parse().expect("heat is a number");
     }
     let start = Instant::now();
-    let mut last: Option<(_, Instant)> = None;
-    let mut progress = |at: armature_weights::Progress| {
-        if let Some((phase, since)) = last.replace((at.phase, Instant::now())) {
-            println!("{phase:?}: {:.1} ms", since.elapsed().as_secs_f64() * 1e3);
-        }
-        ControlFlow::Continue(())
-    };
-    match bone_heat(&mesh, &bones, &settings, &mut progress) {
+    match bone_heat(&mesh, &bones, &settings, &mut stopwatch()) {
         Ok(heat) => {
             println!("all: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
             println!("residual {:.1e}, deviation {:.1e}", heat.residual, heat.deviation);

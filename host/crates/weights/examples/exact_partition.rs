@@ -1,4 +1,4 @@
-//! Compares weights that sum to one exactly with weights that are normalised, as table 2 of the BBW paper:
+//! Compares weights that sum to one exactly with weights that are normalised, like table 2 of the BBW paper:
 //! `cargo run --release -p armature-weights --example exact_partition -- mesh.mesh b.npy bc.npy [error bound]`.
 
 mod support;
@@ -6,20 +6,16 @@ mod support;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use armature_weights::{
-    BiharmonicSettings, ExactPartitionSettings, bounded_biharmonic_weights, exact_partition_weights, normalise,
+use armature_weights::biharmonic::{
+    BiharmonicSettings, ExactPartitionSettings, bounded_biharmonic_weights, exact_partition_weights,
 };
+use armature_weights::finish::normalise;
 use support::GivenOnMesh;
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [mesh, fixed, given, rest @ ..] = arguments.as_slice() else {
-        eprintln!("usage: exact_partition mesh.mesh b.npy bc.npy [error bound]");
-        std::process::exit(2);
-    };
-    let given = GivenOnMesh::read(mesh, fixed, given);
+    let (given, rest) = GivenOnMesh::from_command_line("exact_partition", "[error bound]");
     let problem = given.problem();
-    let mut go_on = |_| ControlFlow::Continue(());
+    let mut go_on = |_, _: f64| ControlFlow::Continue(());
     let mut settings = ExactPartitionSettings::default();
     if let Some(bound) = rest.first().and_then(|bound| bound.parse().ok()) {
         settings.error_bound = bound;

@@ -1,4 +1,4 @@
-//! Work for many items on all cores whose progress is told on the thread that waits.
+//! Work on many items on all cores, with progress reported on the waiting thread.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,8 +7,8 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use rayon::Yield;
 use rayon::prelude::*;
 
-/// Results in the order of the items, or `None` where `between` broke off. `work` calls its second argument now and
-/// then and gives up when that says `false`; `between` is called on this thread about as often.
+/// Results in the order of the items, or `None` if `between` stopped the work. `work` calls its second argument now and
+/// then and gives up when that returns `false`; `between` is called on this thread about as often.
 pub(crate) fn gather_reports<T: Send, R: Send>(
     items: Vec<T>,
     work: impl Fn(T, &dyn Fn() -> bool) -> R + Sync,
@@ -34,7 +34,8 @@ pub(crate) fn gather_reports<T: Send, R: Send>(
     results.filter(|_| !stop.into_inner())
 }
 
-/// Waits for a report; says whether there was one. A thread of the pool helps meanwhile, lest it starve its own work.
+/// Waits for a report; returns whether there was one. A thread of the pool helps meanwhile, or it would starve its own
+/// work.
 fn next(receiver: &Receiver<()>) -> bool {
     loop {
         match receiver.try_recv() {

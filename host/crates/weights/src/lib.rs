@@ -1,61 +1,67 @@
 //! Skinning weights: how much every vertex of a mesh follows every bone of a skeleton.
 //!
-//! This crate does no I/O, reads no clock and prints nothing. Long computations report progress and can be
-//! cancelled. Equal input gives equal weights whatever the number of threads.
+//! Three methods compute them: bounded biharmonic weights, on the tetrahedra of a volume or the triangles of a flat
+//! figure, smooth and with a proven error bound; monotone weights, on any mesh, which also have no extrema of their own;
+//! and bone heat, on the surface alone. A volume with a handle at either end, from mesh to weights:
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use armature_geometry::TetrahedralMesh;
+//! use armature_geometry::operators::{Lumping, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
+//! use armature_weights::biharmonic::{BiharmonicProblem, BiharmonicSettings, bounded_biharmonic_weights};
+//! use armature_weights::finish::normalise;
+//! use armature_weights::handles::{Handle, HandleKind, handle_boundary};
+//!
+//! // Four tetrahedra in a row between the vertices 0 and 6.
+//! let vertices = vec![[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [2.0, 0.0, 0.0]];
+//! let mesh = TetrahedralMesh { vertices, tetrahedra: vec![[0, 1, 2, 3], [1, 2, 3, 4], [2, 3, 4, 5], [3, 4, 5, 6]] };
+//! let laplacian = cotangent_laplacian_tetrahedra(&mesh)?.matrix;
+//! let mass = lumped_mass_tetrahedra(&mesh, Lumping::Barycentric)?;
+//! let point = |vertex| Handle { kind: HandleKind::Own, vertices: vec![vertex] };
+//! let held = handle_boundary(&mesh.vertices, &[point(0), point(6)], &[])?;
+//! let problem = BiharmonicProblem::new(&laplacian, &mass, &held);
+//! let mut progress = |_stage: &'static str, _done: f64| ControlFlow::Continue(());
+//! let mut solved = bounded_biharmonic_weights(&problem, &BiharmonicSettings::interactive(), &mut progress)?;
+//! normalise(&mut solved.weights);
+//! assert!((solved.weights.vertex(4).sum::<f64>() - 1.0).abs() < 1e-12);
+//! assert!(solved.reports.iter().all(|report| report.error_bound < 2e-3));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The crate, module by module:
+//!
+//! | module | verbs |
+//! |---|---|
+//! | [`handles`] | [`handle_boundary`](handles::handle_boundary): turns bones, points, regions and cages into fixed vertices; [`free_joints`](handles::free_joints) |
+//! | [`biharmonic`] | [`bounded_biharmonic_weights`](biharmonic::bounded_biharmonic_weights), [`exact_partition_weights`](biharmonic::exact_partition_weights), [`shape_preservation`](biharmonic::shape_preservation) |
+//! | [`monotone`] | [`monotone_weights`](monotone::monotone_weights), [`monotone_functions`](monotone::monotone_functions): controlled extrema, smoothness of order 2 to 4 |
+//! | [`heat`] | [`bone_heat`](heat::bone_heat) |
+//! | [`finish`] | [`follow_nearest_handle`](finish::follow_nearest_handle), [`normalise`](finish::normalise), [`sparsify`](finish::sparsify) |
+//! | [`endpoints`] | [`endpoint_weights`](endpoints::endpoint_weights), [`joint_weights`](endpoints::joint_weights), [`projected_endpoint_weights`](endpoints::projected_endpoint_weights): for bones that stretch and twist |
+//! | [`harmonic`] | [`harmonic_function`](harmonic::harmonic_function), [`positive_conductances`](harmonic::positive_conductances) |
+//! | [`extrema`] | [`local_extrema`](extrema::local_extrema), [`persistence`](extrema::persistence), [`order_with_extrema`](extrema::order_with_extrema) |
+//! | [`additional`] | [`additional_weights`](additional::additional_weights): further functions for reduced deformations |
+//!
+//! This crate does no I/O, reads no clock and prints nothing. Long computations report the current stage, in a few
+//! words, and the fraction of the whole that is done to a callback that can stop them. Equal input gives equal weights
+//! whatever the number of threads.
 
-mod active_set;
-mod additional_weights;
-mod alternating_directions;
-mod biharmonic_check;
-mod biharmonic_energy;
-mod bone_heat;
-mod bounded_biharmonic;
-mod cholesky;
-mod endpoint_weights;
-mod exact_partition;
-mod exchange_bounds;
-mod far_handles;
-mod finish_weights;
-mod free_descent;
-mod free_joints;
+pub mod additional;
+mod anderson;
+pub mod biharmonic;
+mod bone_segment;
+pub mod endpoints;
+pub mod extrema;
+pub mod finish;
 mod gather_reports;
-mod handle_boundary;
-mod heat_sources;
-mod heat_surface;
-mod heat_system;
-mod inverse_diagonal;
-mod joint_weights;
-mod near_handles;
-mod neighbourhood;
+pub mod handles;
+pub mod harmonic;
+pub mod heat;
+pub mod monotone;
 mod progress;
-mod projected_endpoint_weights;
-mod sampled_skeleton;
-mod shape_preservation;
-mod sparsify;
-mod spline_filter;
+mod sparse;
 mod weight_matrix;
 
-pub use additional_weights::{
-    AdditionalError, AdditionalOutcome, AdditionalSettings, AdditionalWeights, additional_weights,
-};
-pub use biharmonic_check::BiharmonicError;
-pub use bone_heat::{BoneHeat, BoneHeatError, BoneHeatReport, BoneHeatSettings, bone_heat};
-pub use bounded_biharmonic::{
-    BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, HandleReport,
-    bounded_biharmonic_weights,
-};
-pub use cholesky::{CholeskyError, SparseCholesky};
-pub use endpoint_weights::{EndpointWeights, OtherBones, endpoint_weights, endpoint_weights_of_influences};
-pub use exact_partition::{ExactPartition, ExactPartitionReport, ExactPartitionSettings, exact_partition_weights};
-pub use finish_weights::{Normalisation, follow_nearest_handle, normalise};
-pub use free_joints::{FREE_NEAR_JOINTS, free_joints};
-pub use handle_boundary::{CageFacet, Handle, HandleBoundary, HandleError, HandleKind, handle_boundary};
-pub use heat_sources::{BoneSegment, Visibility};
-pub use joint_weights::{JointWeights, endpoint_weights_from_joints, joint_weights};
-pub use progress::{Phase, Progress};
-pub use projected_endpoint_weights::{projected_endpoint_weight, projected_endpoint_weights};
-pub use sampled_skeleton::{EndpointError, SampledSkeleton};
-pub use shape_preservation::{BrushError, shape_preservation};
-pub use sparsify::{Sparsification, SparsifyError, sparsify};
-pub use spline_filter::{SplineFilter, SplineFilterError};
+pub use bone_segment::BoneSegment;
+pub use sparse::cholesky::CholeskyError;
 pub use weight_matrix::WeightMatrix;

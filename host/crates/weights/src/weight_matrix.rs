@@ -1,6 +1,6 @@
-//! Weights of every vertex on every bone, of which most are zero and not stored.
+//! Weights of every vertex on every bone; most are zero and not stored.
 
-/// n vertices × m bones in compressed columns: of each bone the vertices that follow it, ascending, and their weights.
+/// n vertices × m bones in compressed columns: for each bone the vertices that follow it, ascending, and their weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightMatrix {
     vertices: usize,
@@ -9,7 +9,7 @@ pub struct WeightMatrix {
     values: Vec<f64>,
 }
 
-/// The same by vertices: of each the bones that it follows, ascending, and its weights.
+/// The same by vertex: for each the bones it follows, ascending, and its weights.
 pub(crate) struct WeightRows {
     starts: Vec<usize>,
     entries: Vec<(u32, f64)>,
@@ -22,7 +22,7 @@ impl Default for WeightMatrix {
 }
 
 impl WeightMatrix {
-    /// Takes `vertices · bones` values, column-major; `None` if there are not so many, or too many to number.
+    /// Takes `vertices · bones` values, column-major; `None` if the length differs, or there are too many to number.
     pub fn from_columns(vertices: usize, bones: usize, values: &[f64]) -> Option<Self> {
         if vertices.checked_mul(bones) != Some(values.len()) {
             return None;
@@ -31,8 +31,8 @@ impl WeightMatrix {
         Self::from_sparse_columns(vertices, (0..bones).map(column))
     }
 
-    /// Takes each bone's weights as pairs of a vertex and its weight, by ascending vertices; zeros may be left out.
-    /// `None` if a vertex is not there or comes too late, or there is not enough memory.
+    /// Takes each bone's weights as pairs of vertex and weight, by ascending vertex; zeros may be omitted. `None` if a
+    /// vertex does not exist or is out of order, or there is not enough memory.
     pub fn from_sparse_columns<C: IntoIterator<Item = (usize, f64)>>(
         vertices: usize,
         columns: impl IntoIterator<Item = C>,
@@ -68,7 +68,7 @@ impl WeightMatrix {
         self.starts.len() - 1
     }
 
-    /// Number of weights that are not zero.
+    /// Number of nonzero weights.
     pub fn stored(&self) -> usize {
         self.values.len()
     }
@@ -82,7 +82,7 @@ impl WeightMatrix {
         self.rows[range.clone()].iter().zip(&self.values[range]).map(|(&vertex, &weight)| (vertex as usize, weight))
     }
 
-    /// The weights of one bone with all zeros, n long.
+    /// The weights of one bone including zeros, n long.
     ///
     /// # Panics
     /// If there is no such bone.
@@ -102,7 +102,7 @@ impl WeightMatrix {
         self.rows[range.clone()].binary_search(&(vertex as u32)).map_or(0.0, |at| self.values[range.start + at])
     }
 
-    /// The weights of one vertex, bone after bone.
+    /// The weights of one vertex, bone by bone.
     ///
     /// # Panics
     /// If there is no such vertex.
@@ -110,7 +110,7 @@ impl WeightMatrix {
         (0..self.bones()).map(move |bone| self.weight(vertex, bone))
     }
 
-    /// All weights with all zeros, column-major; `None` if there is not enough memory.
+    /// All weights including zeros, column-major; `None` if there is not enough memory.
     pub fn to_columns(&self) -> Option<Vec<f64>> {
         let count = self.vertices.checked_mul(self.bones())?;
         let mut values = Vec::new();
@@ -122,20 +122,20 @@ impl WeightMatrix {
         Some(values)
     }
 
-    /// Changes the weights that are not zero; `change` is given their vertices too.
+    /// Changes the nonzero weights; `change` is also given their vertices.
     pub(crate) fn change(&mut self, change: impl Fn(usize, f64) -> f64) {
         for (&vertex, weight) in self.rows.iter().zip(&mut self.values) {
             *weight = change(vertex as usize, *weight);
         }
     }
 
-    /// The weights of one bone that are not zero, by ascending vertices; `None` if there is no such bone.
+    /// The nonzero weights of one bone, by ascending vertex; `None` if there is no such bone.
     pub(crate) fn column_mut(&mut self, bone: usize) -> Option<&mut [f64]> {
         let range = *self.starts.get(bone)?..*self.starts.get(bone + 1)?;
         self.values.get_mut(range)
     }
 
-    /// Puts weights over those there are: for each bone by ascending vertices. `None` if a vertex is not there.
+    /// Overwrites weights: for each bone, by ascending vertex. `None` if a vertex does not exist.
     pub(crate) fn overlay(&self, over: &[Vec<(usize, f64)>]) -> Option<Self> {
         let column = |(bone, over): (usize, &Vec<(usize, f64)>)| {
             let is_over = |vertex: usize| over.binary_search_by_key(&vertex, |&(v, _)| v).is_ok();
@@ -147,7 +147,7 @@ impl WeightMatrix {
         Self::from_sparse_columns(self.vertices, over.iter().enumerate().map(column))
     }
 
-    /// The same by vertices.
+    /// The same by vertex.
     pub(crate) fn rows(&self) -> WeightRows {
         let mut starts = vec![0; self.vertices + 1];
         self.rows.iter().for_each(|&vertex| starts[vertex as usize + 1] += 1);

@@ -5,14 +5,18 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_deform::{ArapEnergy, ArapOutcome, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap};
-use armature_geometry::{Lumping, TetrahedralMesh, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
-use armature_weights::{
-    AdditionalSettings, BiharmonicProblem, BiharmonicSettings, WeightMatrix, additional_weights,
-    bounded_biharmonic_weights, normalise,
+use armature_deform::arap::{
+    ArapEnergy, ArapOutcome, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
 };
+use armature_geometry::TetrahedralMesh;
+use armature_geometry::operators::{Lumping, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
+use armature_test_support::{read_npy, shared};
+use armature_weights::WeightMatrix;
+use armature_weights::additional::{AdditionalSettings, additional_weights};
+use armature_weights::biharmonic::{BiharmonicProblem, BiharmonicSettings, bounded_biharmonic_weights};
+use armature_weights::finish::normalise;
 use glam::{Affine3A, Mat3A, Quat, Vec3};
-use support::{read_medit, read_npy, shared_data};
+use support::read_mesh;
 
 /// A bar of 24×2×2 cubes of edge length 1, six tetrahedra each.
 fn bar() -> TetrahedralMesh {
@@ -46,12 +50,12 @@ fn end_weights(mesh: &TetrahedralMesh) -> WeightMatrix {
         shape_preservation: None,
     };
     let settings = BiharmonicSettings::interactive();
-    let mut found = bounded_biharmonic_weights(&problem, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let mut found = bounded_biharmonic_weights(&problem, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     normalise(&mut found.weights);
     found.weights
 }
 
-/// The energy of a pose in which all handles but the additional ones are given.
+/// The energy of a pose in which all but the additional handles are given.
 fn posed_energy(
     mesh: &TetrahedralMesh,
     weights: &WeightMatrix,
@@ -81,7 +85,7 @@ fn posed_energy(
         joints: &[],
     };
     let settings = ArapSettings { clusters, ..ArapSettings::default() };
-    let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     let mut kinds = vec![HandleConstraint::Full; weights.bones()];
     kinds.resize(handles, HandleConstraint::Free);
     arap.constrain(&kinds, &[]).unwrap();
@@ -94,7 +98,7 @@ fn posed_energy(
     report.energy
 }
 
-/// More than the bar has elements: each turns as it likes.
+/// More than the bar has elements, so each rotates on its own.
 const ALL_TURN: Option<usize> = Some(1000);
 
 #[test]
@@ -116,15 +120,15 @@ fn a_bent_bar_finds_an_easier_shape() {
 
 #[test]
 fn a_hand_with_closed_fingers_finds_an_easier_shape() {
-    let (Some(mesh), Some(reference)) = (shared_data("hand.mesh"), shared_data("../reference/hand-bbw-w.npy")) else {
+    let (Some(mesh), Some(reference)) = (shared("hand.mesh"), shared("../reference/hand-bbw-w.npy")) else {
         return;
     };
-    let mesh = read_medit(&mesh);
+    let mesh = read_mesh(&mesh);
     let reference = read_npy(&reference);
     let positive: Vec<f64> = reference.values.iter().map(|w| w.max(0.0)).collect();
     let mut weights = WeightMatrix::from_columns(mesh.vertices.len(), reference.columns, &positive).unwrap();
     normalise(&mut weights);
-    // Every handle turns about its own middle, neighbours to different sides.
+    // Every handle turns about its own middle, neighbours in different directions.
     let pose: Vec<Affine3A> = (0..weights.bones())
         .map(|bone| {
             let held = || (0..mesh.vertices.len()).filter(|&v| weights.weight(v, bone) > 0.99);

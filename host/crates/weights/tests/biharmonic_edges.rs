@@ -1,24 +1,26 @@
-//! Bounded biharmonic weights of handles of all kinds where meshes and handles are at their worst, and properties that
-//! hold wherever handles lie.
+//! Bounded biharmonic weights for handles of all kinds on the worst meshes and handles, and properties that hold
+//! wherever handles lie.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has to fail")]
 
 mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    Lumping, SparseMatrix, TetrahedralMesh, TriangleMesh, cotangent_laplacian, cotangent_laplacian_tetrahedra,
-    lumped_mass, lumped_mass_tetrahedra,
+use armature_geometry::operators::{
+    Lumping, SparseMatrix, cotangent_laplacian, cotangent_laplacian_tetrahedra, lumped_mass, lumped_mass_tetrahedra,
 };
-use armature_weights::{
-    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, CageFacet,
-    ExactPartitionSettings, Handle, HandleBoundary, HandleError, HandleKind, WeightMatrix, bounded_biharmonic_weights,
-    exact_partition_weights, follow_nearest_handle, handle_boundary, normalise,
+use armature_geometry::{TetrahedralMesh, TriangleMesh};
+use armature_weights::WeightMatrix;
+use armature_weights::biharmonic::{
+    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights,
+    ExactPartitionSettings, bounded_biharmonic_weights, exact_partition_weights,
 };
+use armature_weights::finish::{follow_nearest_handle, normalise};
+use armature_weights::handles::{CageFacet, Handle, HandleBoundary, HandleError, HandleKind, handle_boundary};
 use proptest::prelude::*;
 use support::block;
 
-/// A mesh's operators and what is given on it.
+/// A mesh's operators and its fixed weights.
 struct Setup {
     vertices: Vec<[f64; 3]>,
     laplacian: SparseMatrix,
@@ -47,11 +49,11 @@ impl Setup {
         }
     }
 
-    /// Certified weights, after a look at what has to hold of any.
+    /// Certified weights, after checking what must hold for any.
     fn solve(&self) -> BiharmonicWeights {
         let settings = BiharmonicSettings::certified();
         let solved =
-            bounded_biharmonic_weights(&self.problem(), &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+            bounded_biharmonic_weights(&self.problem(), &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
         for (handle, report) in solved.reports.iter().enumerate() {
             assert_eq!(report.outcome, BiharmonicOutcome::Converged, "{report:?}");
             assert!(report.error_bound <= settings.error_bound && report.gap >= -1e-12 * report.energy, "{report:?}");
@@ -103,13 +105,13 @@ fn two_points_and_a_bone() -> [Handle; 3] {
     [own(&[number([1, 2, 1])]), own(&[number([5, 2, 2])]), bone(&[number([3, 0, 0]), number([3, 1, 0])])]
 }
 
-/// Least mass over the largest.
+/// Least mass over the largest mass.
 fn mass_ratio(setup: &Setup) -> f64 {
     let (least, most) = setup.mass.iter().fold((f64::INFINITY, 0.0_f64), |(l, m), &mass| (l.min(mass), m.max(mass)));
     least / most
 }
 
-/// How far weights of the block's own vertices are from those without what was added.
+/// How far weights on the block's own vertices are from those without the addition.
 fn difference_to_plain(setup: &Setup) -> f64 {
     let plain = Setup::solid(&plain_block(), &two_points_and_a_bone()).solve().weights;
     let solved = setup.solve().weights;
@@ -117,7 +119,7 @@ fn difference_to_plain(setup: &Setup) -> f64 {
     (0..3).flat_map(pairs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// The block with a flat tetrahedron on a few facets of its face z = 0, the tip so high above the middle.
+/// The block with flat tetrahedra on a few facets of its face z = 0; the tips are this high above the middle.
 fn with_flat_tetrahedra(height: f64) -> TetrahedralMesh {
     let mut mesh = plain_block();
     for (x, y) in [(0, 0), (2, 1), (4, 3), (2, 2)] {
@@ -141,7 +143,7 @@ fn slivers_change_nothing_beside_them() {
 fn slivers_too_flat_for_the_energy_are_named() {
     let setup = Setup::solid(&with_flat_tetrahedra(4e-8), &two_points_and_a_bone());
     let settings = BiharmonicSettings::certified();
-    let refused = bounded_biharmonic_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(()));
+    let refused = bounded_biharmonic_weights(&setup.problem(), &settings, &mut |_, _| ControlFlow::Continue(()));
     let told = refused.unwrap_err();
     assert!(matches!(told, BiharmonicError::Factorisation(_)), "{told:?}");
     assert!(told.to_string().contains("degenerate elements"), "{told}");
@@ -165,6 +167,41 @@ fn what_is_a_thousand_times_smaller_follows_what_it_hangs_on() {
         let farthest = (first..mesh.vertices.len()).map(|v| (weights.weight(v, handle) - there).abs());
         assert!(farthest.fold(0.0, f64::max) < 1e-2, "{there}");
     }
+}
+
+/// A bone of a prop that the mesh does not hold: its vertices are in no element, and nothing hangs on them.
+#[test]
+fn a_handle_away_from_the_mesh_weighs_nothing_on_it() {
+    let mut mesh = block([4, 3, 3], |p| p);
+    let [near, far] = [mesh.vertices.len(), mesh.vertices.len() + 1];
+    mesh.vertices.extend([[9.0, 1.0, 1.0], [12.0, 1.0, 1.0]]);
+    let held = |vertices: Vec<usize>| Handle { kind: HandleKind::Bone, vertices };
+    // One bone from within the mesh to the prop, one of the prop alone.
+    let handles = [held(vec![0, 1]), held(vec![4, near]), held(vec![near, far])];
+    let mut setup = Setup::solid(&mesh, &handles);
+    let solved = setup.solve();
+    assert_eq!(solved.weights.column(2).collect::<Vec<_>>(), [(near, 0.5), (far, 1.0)]);
+    assert_eq!((solved.reports[2].energy, solved.reports[2].error_bound), (0.0, 0.0));
+    assert!(solved.unreached.is_empty());
+    // The others are as without it.
+    setup.boundary = handle_boundary(&mesh.vertices, &handles[..2], &[]).unwrap();
+    let without = setup.solve();
+    for handle in 0..2 {
+        let inside = |solved: &BiharmonicWeights| solved.weights.bone(handle)[..near].to_vec();
+        assert_eq!(inside(&solved), inside(&without));
+    }
+    let exact = exact_partition_weights(
+        &Setup::solid(&mesh, &handles).problem(),
+        &ExactPartitionSettings::default(),
+        &mut |_, _| ControlFlow::Continue(()),
+    );
+    // Together they sum to one, whatever becomes of the one that nothing holds.
+    let exact = exact.unwrap().weights;
+    let mut sums = vec![0.0; near];
+    for handle in 0..3 {
+        exact.column(handle).filter(|(vertex, _)| *vertex < near).for_each(|(vertex, weight)| sums[vertex] += weight);
+    }
+    assert!(sums.iter().all(|sum| (sum - 1.0_f64).abs() < 1e-9), "{sums:?}");
 }
 
 #[test]
@@ -208,7 +245,7 @@ fn a_handle_moves_only_the_piece_it_lies_in() {
     let mut solved = setup.solve();
     assert!(solved.weights.column(1).all(|(vertex, _)| vertex >= away));
     assert!(solved.weights.column(0).all(|(vertex, _)| vertex < away));
-    assert!((away..third).all(|vertex| solved.weights.weight(vertex, 1) > 1.0 - 1e-4), "nothing else holds it");
+    assert!((away..third).all(|vertex| solved.weights.weight(vertex, 1) > 1.0 - 1e-4), "no other handle holds it");
     assert_eq!(solved.unreached, [vec![third]]);
     let followed = follow_nearest_handle(&mut solved.weights, &solved.unreached, &setup.boundary, &setup.vertices);
     assert_eq!(followed, [1]);
@@ -264,7 +301,7 @@ fn a_flat_shape_takes_points_and_a_closed_cage() {
     assert_sums_to_one(&normalised);
     assert!(report.unweighted.is_empty() && report.largest_deviation < 0.5, "{report:?}");
     let settings = ExactPartitionSettings { error_bound: 1e-3, max_steps: 40_000 };
-    let exact = exact_partition_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let exact = exact_partition_weights(&setup.problem(), &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     assert_eq!(exact.report.outcome, BiharmonicOutcome::Converged, "{:?}", exact.report);
     setup.assert_interpolated(&exact.weights);
     assert_sums_to_one(&exact.weights);
@@ -275,7 +312,7 @@ fn a_flat_shape_takes_points_and_a_closed_cage() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// Bounds, interpolation and convergence are looked at by `solve`.
+    /// `solve` checks bounds, interpolation and convergence.
     #[test]
     fn wherever_handles_lie(
         places in prop::collection::btree_set(0_usize..140, 2..12),
@@ -305,7 +342,7 @@ proptest! {
         prop_assert!(largest_difference(&solved.weights, &again.weights) <= allowed);
         normalise(&mut solved.weights);
         assert_sums_to_one(&solved.weights);
-        // What a handle holds no other can move.
+        // What one handle holds no other can move.
         for (handle, held) in handles.iter().enumerate() {
             for other in (0..handles.len()).filter(|&other| other != handle) {
                 prop_assert!(held.vertices.iter().all(|&vertex| solved.weights.weight(vertex, other) == 0.0));

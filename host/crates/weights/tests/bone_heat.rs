@@ -5,10 +5,11 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{Lumping, MeshError, TriangleMesh, intrinsic_delaunay_laplacian};
-use armature_weights::{
-    BoneHeat, BoneHeatError, BoneHeatSettings, BoneSegment, Phase, Visibility, bone_heat, sparsify,
-};
+use armature_geometry::operators::{Lumping, intrinsic_delaunay_laplacian};
+use armature_geometry::{MeshError, TriangleMesh};
+use armature_weights::BoneSegment;
+use armature_weights::finish::sparsify;
+use armature_weights::heat::{BoneHeat, BoneHeatError, BoneHeatSettings, Visibility, bone_heat};
 use proptest::prelude::*;
 
 fn heat(mesh: &TriangleMesh, bones: &[BoneSegment]) -> BoneHeat {
@@ -16,12 +17,13 @@ fn heat(mesh: &TriangleMesh, bones: &[BoneSegment]) -> BoneHeat {
 }
 
 fn heat_with(mesh: &TriangleMesh, bones: &[BoneSegment], settings: &BoneHeatSettings) -> BoneHeat {
-    let heat = bone_heat(mesh, bones, settings, &mut |_| ControlFlow::Continue(())).expect("weights for a usable mesh");
+    let heat =
+        bone_heat(mesh, bones, settings, &mut |_, _| ControlFlow::Continue(())).expect("weights for a usable mesh");
     check_invariants(mesh, bones, &heat);
     heat
 }
 
-/// Weights lie in 0..=1 and sum to one, and did so before they were put right.
+/// Weights lie in 0..=1 and sum to one, and nearly did so before they were corrected.
 fn check_invariants(mesh: &TriangleMesh, bones: &[BoneSegment], heat: &BoneHeat) {
     assert_eq!((heat.weights.vertices(), heat.weights.bones()), (mesh.vertices.len(), bones.len()));
     assert!(heat.weights.to_columns().unwrap().iter().all(|w| (0.0..=1.0).contains(w)));
@@ -152,7 +154,7 @@ fn weights_solve_an_independently_assembled_system() {
             let p = if nearest.contains(&j) { 1.0 / nearest.len() as f64 } else { 0.0 };
             let (out, into) = (-lw[i] + operators.mass[i] * h * w[i], operators.mass[i] * h * p);
             let size = -operators.matrix.get(i, i) + operators.mass[i] * h;
-            assert!((out - into).abs() < 1e-9 * size, "bone {j}, vertex {i}: {out} is not {into}");
+            assert!((out - into).abs() < 1e-9 * size, "bone {j}, vertex {i}: {out} instead of {into}");
         }
     }
 }
@@ -173,15 +175,15 @@ fn sampled_distance(point: [f64; 3], bone: &BoneSegment) -> f64 {
 
 #[test]
 fn shared_characters_keep_every_invariant() {
-    // The fraction of vertices whose way to the nearest bone leaves the shape, counted once by the generalized winding
-    // number (libigl 2.6.3, `fast_winding_number`) at 30 points of the way of 3000 random vertices.
+    // The fraction of vertices whose line to the nearest bone leaves the shape, computed once with the generalized
+    // winding number (libigl 2.6.3, `fast_winding_number`) at 30 points along the line for 3000 random vertices.
     for (name, blind) in [("armadillo", 0.049), ("elephant", 0.284), ("arm", 0.291)] {
         let Some((mesh, bones)) = support::shared_character(name) else { continue };
         let result = heat(&mesh, &bones);
         assert!(result.report.cold_bones.is_empty() && result.report.blind_components.is_empty());
         assert_eq!((result.report.components, result.report.clamped_edges), (1, 0));
         let fraction = result.report.blind_vertices as f64 / mesh.vertices.len() as f64;
-        assert!((fraction - blind).abs() < 0.02, "{name}: {fraction} see no bone, not {blind}");
+        assert!((fraction - blind).abs() < 0.02, "{name}: {fraction} see no bone instead of {blind}");
         let columns: Vec<u16> = (0..bones.len() as u16).collect();
         let (influences, report) = sparsify(&result.weights, 4, &columns, bones.len()).unwrap();
         assert_eq!(influences.vertex_count(), mesh.vertices.len());
@@ -199,7 +201,7 @@ fn mean_weights_are_those_of_blender() {
     let result = heat(&mesh, &bones);
     for (bone, expected) in blender.into_iter().enumerate() {
         let mean = result.weights.bone(bone).iter().sum::<f64>() / mesh.vertices.len() as f64;
-        assert!((mean - expected).abs() < 0.01, "bone {bone}: {mean} is not {expected}");
+        assert!((mean - expected).abs() < 0.01, "bone {bone}: {mean} instead of {expected}");
     }
 }
 
@@ -254,7 +256,7 @@ fn bones_do_not_heat_through_walls() {
 
 #[test]
 fn blind_pieces_cold_bones_and_lonely_vertices_are_reported() {
-    // A button outside a head, a vertex in no triangle, a triangle repeated and one collapsed, a bone far outside.
+    // A button outside a head, a vertex in no triangle, a repeated triangle, a collapsed one, and a bone far outside.
     let (head, button) = (sphere([0.0; 3], 1.0), sphere([1.3, 0.0, 0.0], 0.2));
     let (n, m) = (head.vertices.len(), button.vertices.len());
     let mut mesh = join(&[head, button]);
@@ -267,7 +269,7 @@ fn blind_pieces_cold_bones_and_lonely_vertices_are_reported() {
     assert_eq!(result.report.cold_bones, [1]);
     assert_eq!(result.report.isolated_vertices, 1);
     assert_eq!((result.report.duplicate_triangles, result.report.collapsed_triangles), (1, 1));
-    // Everything in the button, and the lonely vertex, is nearest to where bones 0 and 2 meet: equal shares.
+    // Everything in the button, and the isolated vertex, is nearest to where bones 0 and 2 meet: equal shares.
     for vertex in n..=n + m {
         let weights: Vec<f64> = result.weights.vertex(vertex).collect();
         assert!((weights[0] - 0.5).abs() < 1e-9 && (weights[2] - 0.5).abs() < 1e-9, "{weights:?}");
@@ -276,7 +278,7 @@ fn blind_pieces_cold_bones_and_lonely_vertices_are_reported() {
 
 #[test]
 fn messy_model_gets_weights_everywhere() {
-    let Some(path) = support::shared_data("truck.obj") else { return };
+    let Some(path) = armature_test_support::shared("truck.obj") else { return };
     let mesh = support::read_obj(&path);
     let (low, high) = mesh.bounds().unwrap();
     let at = |t: [f64; 3]| std::array::from_fn(|k| low[k] + t[k] * (high[k] - low[k]));
@@ -319,32 +321,39 @@ fn bones_far_away_give_constant_weights() {
     for far in [1e3, 1e9, 1e40] {
         let bones = [bone([far, 0.0, 0.0], [far, 1.0, 0.0]), bone([-far, 0.0, 0.0], [-far, 0.0, 1.0])];
         let settings = BoneHeatSettings { visibility: Visibility::Ignored, ..BoneHeatSettings::default() };
-        let result = bone_heat(&mesh, &bones, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+        let result = bone_heat(&mesh, &bones, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
         assert!(result.weights.to_columns().unwrap().iter().all(|w| (w - 0.5).abs() < 1e-3), "{far}");
         assert!(result.deviation < 1e-6);
     }
 }
 
 #[test]
-fn every_phase_can_be_cancelled() {
+fn every_stage_can_be_cancelled() {
     let mesh = sphere([0.0; 3], 1.0);
     let bones = [bone([-0.5, 0.0, 0.0], [0.5, 0.0, 0.0])];
     let mut seen = Vec::new();
     let mut last = 0.0;
-    bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut |at| {
-        assert!(at.done >= last && at.done <= 1.0);
-        last = at.done;
-        seen.push(at.phase);
+    bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut |stage, done| {
+        assert!(done >= last && done <= 1.0);
+        last = done;
+        seen.push(stage);
         ControlFlow::Continue(())
     })
     .unwrap();
     seen.dedup();
-    assert_eq!(seen, [Phase::Prepare, Phase::Visibility, Phase::Factorise, Phase::Solve, Phase::Finish]);
+    let stages = [
+        "preparing the surface",
+        "looking for bones",
+        "factorising the heat equation",
+        "diffusing heat",
+        "checking the weights",
+    ];
+    assert_eq!(seen, stages);
     for stop in seen {
-        let result = bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut |at| {
-            if at.phase == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let result = bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut |stage, _| {
+            if stage == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        assert_eq!(result, Err(BoneHeatError::Cancelled(stop)));
+        assert_eq!(result, Err(BoneHeatError::Cancelled { stage: stop }));
     }
 }
 
@@ -353,7 +362,7 @@ fn nonsense_is_named() {
     let mesh = sphere([0.0; 3], 1.0);
     let good = [bone([-0.5, 0.0, 0.0], [0.5, 0.0, 0.0])];
     let try_with = |mesh: &TriangleMesh, bones: &[BoneSegment], settings: &BoneHeatSettings| {
-        bone_heat(mesh, bones, settings, &mut |_| ControlFlow::Continue(())).unwrap_err()
+        bone_heat(mesh, bones, settings, &mut |_, _| ControlFlow::Continue(())).unwrap_err()
     };
     let usual = BoneHeatSettings::default();
     assert_eq!(try_with(&mesh, &[], &usual), BoneHeatError::NoBones);
@@ -403,7 +412,7 @@ proptest! {
         ends in proptest::collection::vec(([coordinate(), coordinate(), coordinate()], [coordinate(), coordinate(), coordinate()]), 1..6),
     ) {
         let bones: Vec<BoneSegment> = ends.into_iter().map(|(head, tail)| bone(head, tail)).collect();
-        match bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut |_| ControlFlow::Continue(())) {
+        match bone_heat(&mesh, &bones, &BoneHeatSettings::default(), &mut |_, _| ControlFlow::Continue(())) {
             Ok(heat) => {
                 prop_assert!(heat.weights.to_columns().unwrap().iter().all(|w| (0.0..=1.0).contains(w)));
                 for vertex in 0..mesh.vertices.len() {

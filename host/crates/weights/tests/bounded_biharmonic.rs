@@ -1,20 +1,21 @@
-//! Bounded biharmonic weights against libigl, the analytic spline, and what must not change them.
+//! Bounded biharmonic weights against libigl and the analytic spline, and under changes that must not affect them.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has to fail")]
 
 mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    Lumping, SparseMatrix, TetrahedralMesh, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra,
-};
-use armature_weights::{
+use armature_geometry::TetrahedralMesh;
+use armature_geometry::operators::{Lumping, SparseMatrix, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
+use armature_test_support::{read_npy, read_npy_indices, shared};
+use armature_weights::biharmonic::{
     BiharmonicError, BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, BiharmonicWeights, ExactPartition,
-    ExactPartitionSettings, Phase, bounded_biharmonic_weights, exact_partition_weights, normalise,
+    ExactPartitionSettings, bounded_biharmonic_weights, exact_partition_weights,
 };
-use support::{read_medit, read_npy, read_npy_indices, shared_data};
+use armature_weights::finish::normalise;
+use support::read_mesh;
 
-/// A mesh's operators and what is given on it.
+/// A mesh's operators and its fixed weights.
 struct Setup {
     laplacian: SparseMatrix,
     mass: Vec<f64>,
@@ -42,12 +43,12 @@ impl Setup {
     }
 
     fn solve(&self, settings: &BiharmonicSettings) -> BiharmonicWeights {
-        bounded_biharmonic_weights(&self.problem(), settings, &mut |_| ControlFlow::Continue(())).unwrap()
+        bounded_biharmonic_weights(&self.problem(), settings, &mut |_, _| ControlFlow::Continue(())).unwrap()
     }
 
     fn error(&self) -> BiharmonicError {
         let settings = BiharmonicSettings::certified();
-        bounded_biharmonic_weights(&self.problem(), &settings, &mut |_| ControlFlow::Continue(())).unwrap_err()
+        bounded_biharmonic_weights(&self.problem(), &settings, &mut |_, _| ControlFlow::Continue(())).unwrap_err()
     }
 
     /// `½ wᵀ L M⁻¹ L w` of all columns.
@@ -61,10 +62,10 @@ impl Setup {
 }
 
 fn hand() -> Option<(Setup, Vec<f64>)> {
-    let mesh = read_medit(&shared_data("hand.mesh")?);
-    let fixed = read_npy_indices(&shared_data("../reference/hand-bbw-b.npy")?);
-    let given = read_npy(&shared_data("../reference/hand-bbw-bc.npy")?);
-    let reference = read_npy(&shared_data("../reference/hand-bbw-w.npy")?);
+    let mesh = read_mesh(&shared("hand.mesh")?);
+    let fixed = read_npy_indices(&shared("../reference/hand-bbw-b.npy")?);
+    let given = read_npy(&shared("../reference/hand-bbw-bc.npy")?);
+    let reference = read_npy(&shared("../reference/hand-bbw-w.npy")?);
     Some((Setup::new(&mesh, fixed, given.values, given.columns), reference.values))
 }
 
@@ -144,14 +145,17 @@ fn bar_approaches_clamped_splines() {
             }
         }
         println!("{cells} cells: {worst:.2e}");
+        for report in &result.reports {
+            assert_eq!(report.outcome, BiharmonicOutcome::Converged, "{cells} cells: {report:?}");
+        }
         assert!(worst < 0.5 * last && worst < 0.2, "{cells} cells: {worst} after {last}");
         last = worst;
     }
     assert!(last < 0.02, "{last}");
 }
 
-/// Between neighbouring handles bounded weights of a bar run from one to zero with zero slope at both ends (they may
-/// neither leave one upwards nor zero downwards), and their least bending does so by a cubic.
+/// Between neighbouring handles the bounded weights of a bar run from one to zero with zero slope at both ends (they
+/// can neither rise above one nor fall below zero), and a cubic bends least.
 fn clamped_spline(handle: usize, x: f64) -> f64 {
     let fall = |t: f64| 1.0 - t * t * (3.0 - 2.0 * t);
     let (left, right) = (x / 0.25, (x - 0.25) / 0.75);
@@ -246,17 +250,17 @@ fn nonsense_is_named() {
     assert!(matches!(with(&|s| s.mass.truncate(3)), BiharmonicError::Size { what: "the Laplacian", .. }));
     assert_eq!(with(&|s| s.fixed.clear()), BiharmonicError::NoHandles);
     let settings = BiharmonicSettings { error_bound: 0.0, ..BiharmonicSettings::certified() };
-    let refused = bounded_biharmonic_weights(&good().problem(), &settings, &mut |_| ControlFlow::Continue(()));
+    let refused = bounded_biharmonic_weights(&good().problem(), &settings, &mut |_, _| ControlFlow::Continue(()));
     assert!(matches!(refused, Err(BiharmonicError::BadSetting { name: "error_bound", .. })));
 }
 
 fn exact(setup: &Setup, error_bound: f64) -> ExactPartition {
     let settings = ExactPartitionSettings { error_bound, max_steps: 20_000 };
-    exact_partition_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(())).unwrap()
+    exact_partition_weights(&setup.problem(), &settings, &mut |_, _| ControlFlow::Continue(())).unwrap()
 }
 
-/// Of two handles one's weights are what the other leaves, and both have the same energy: the coupled problem is the
-/// problem of one handle alone.
+/// With two handles, one's weights are what the other's leave, and both have the same energy, so the coupled problem is
+/// the same as that of one handle alone.
 #[test]
 fn two_handles_sum_to_one_on_their_own() {
     let mut setup = held_bar(16);
@@ -282,7 +286,7 @@ fn exact_partitions_cost_least_among_partitions() {
     for (row, vertex) in setup.fixed.iter().enumerate() {
         assert!(exact.weights.vertex(*vertex).eq(setup.given.iter().skip(row).step_by(12).copied()));
     }
-    // The handles' own minima bound the energy from below, any other partition from above.
+    // The handles' separate minima bound the energy from below, any other partition from above.
     let mut alone = setup.solve(&BiharmonicSettings::certified());
     let least: f64 = alone.reports.iter().map(|report| report.energy - report.gap).sum();
     normalise(&mut alone.weights);
@@ -296,26 +300,44 @@ fn given_weights_that_do_not_sum_to_one_are_named() {
     let mut setup = held_bar(4);
     setup.given[0] = 0.5;
     let settings = ExactPartitionSettings::default();
-    let refused = exact_partition_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(()));
+    let refused = exact_partition_weights(&setup.problem(), &settings, &mut |_, _| ControlFlow::Continue(()));
     assert_eq!(refused.unwrap_err(), BiharmonicError::NoPartition { vertex: 0, sum: 0.5 });
     let setup = held_bar(4);
-    let mut stop = |at: armature_weights::Progress| match at.phase {
-        Phase::Exchange => ControlFlow::Break(()),
+    let wanted = "solving for all handles together";
+    let mut stop = |stage: &'static str, _: f64| match stage {
+        stage if stage == wanted => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     };
     let stopped = exact_partition_weights(&setup.problem(), &settings, &mut stop);
-    assert_eq!(stopped.unwrap_err(), BiharmonicError::Cancelled(Phase::Exchange));
+    assert_eq!(stopped.unwrap_err(), BiharmonicError::Cancelled { stage: wanted });
 }
 
 #[test]
 fn stops_when_asked() {
     let setup = held_bar(16);
-    for wanted in [Phase::Prepare, Phase::Factorise, Phase::Guess, Phase::Exchange] {
-        let mut stop = |at: armature_weights::Progress| {
-            if at.phase == wanted { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        };
+    // All handles reach far here, so every stage has its turn.
+    let (mut seen, mut last) = (Vec::new(), 0.0);
+    let mut listen = |stage: &'static str, done: f64| {
+        assert!((last..=1.0).contains(&done), "{done} after {last} while {stage}");
+        last = done;
+        seen.push(stage);
+        ControlFlow::Continue(())
+    };
+    bounded_biharmonic_weights(&setup.problem(), &BiharmonicSettings::certified(), &mut listen).unwrap();
+    seen.dedup();
+    let stages = [
+        "preparing the weights",
+        "factorising the energy",
+        "solving for the handles, each among the vertices near it",
+        "guessing the weights that reach far",
+        "refining the weights that reach far",
+        "checking the weights",
+    ];
+    assert_eq!(seen, stages, "no stage comes back");
+    for wanted in stages {
+        let mut stop = |stage, _: f64| if stage == wanted { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         let stopped = bounded_biharmonic_weights(&setup.problem(), &BiharmonicSettings::certified(), &mut stop);
-        assert_eq!(stopped, Err(BiharmonicError::Cancelled(wanted)));
+        assert_eq!(stopped, Err(BiharmonicError::Cancelled { stage: wanted }));
     }
     let settings = BiharmonicSettings { max_active_sets: 1, guess_steps: 1, ..BiharmonicSettings::certified() };
     let early = setup.solve(&settings);

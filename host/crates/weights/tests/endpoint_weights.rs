@@ -1,4 +1,5 @@
-//! Endpoint and joint weights: what they are on the bones, on a bar and on a hand, and what must not change them.
+//! Endpoint and joint weights: their values on the bones, on a bar and on a hand, and changes that must not affect
+//! them.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has to fail")]
 #![allow(clippy::float_cmp, reason = "given weights are kept to the last bit")]
 
@@ -6,17 +7,18 @@ mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    Influences, Lumping, SparseMatrix, TetrahedralMesh, closest_on_segment, cotangent_laplacian_tetrahedra,
-    lumped_mass_tetrahedra,
+use armature_geometry::operators::{Lumping, SparseMatrix, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
+use armature_geometry::search::closest_on_segment;
+use armature_geometry::{Influences, TetrahedralMesh};
+use armature_test_support::{read_npy_indices, shared};
+use armature_weights::biharmonic::{BiharmonicError, BiharmonicOutcome, BiharmonicSettings};
+use armature_weights::endpoints::{
+    EndpointError, EndpointWeights, JointWeights, OtherBones, SampledSkeleton, endpoint_weights,
+    endpoint_weights_from_joints, endpoint_weights_of_influences, joint_weights, projected_endpoint_weights,
 };
-use armature_weights::{
-    BiharmonicError, BiharmonicOutcome, BiharmonicSettings, BoneSegment, EndpointError, EndpointWeights, JointWeights,
-    OtherBones, Phase, SampledSkeleton, WeightMatrix, endpoint_weights, endpoint_weights_from_joints,
-    endpoint_weights_of_influences, joint_weights, projected_endpoint_weights,
-};
+use armature_weights::{BoneSegment, WeightMatrix};
 use glam::DVec3;
-use support::{read_medit, read_npy_indices, read_tgf, shared_data};
+use support::{read_mesh, read_tgf};
 
 /// A mesh, its operators, and bones among its vertices.
 struct Setup {
@@ -44,13 +46,13 @@ impl Setup {
 
     fn try_solve(&self, others: OtherBones) -> Result<EndpointWeights, EndpointError> {
         let settings = BiharmonicSettings::interactive();
-        let mut go_on = |_| ControlFlow::Continue(());
+        let mut go_on = |_, _: f64| ControlFlow::Continue(());
         endpoint_weights(&self.laplacian, &self.mass, &self.skeleton(), others, &settings, &mut go_on)
     }
 
     fn joints(&self) -> JointWeights {
         let settings = BiharmonicSettings::interactive();
-        let mut go_on = |_| ControlFlow::Continue(());
+        let mut go_on = |_, _: f64| ControlFlow::Continue(());
         joint_weights(&self.laplacian, &self.mass, &self.skeleton(), &settings, &mut go_on).unwrap()
     }
 
@@ -95,9 +97,9 @@ fn chain(whole: bool) -> Setup {
 }
 
 fn hand() -> Option<Setup> {
-    let mesh = read_medit(&shared_data("hand.mesh")?);
-    let bones = read_tgf(&shared_data("hand.tgf")?);
-    let fixed = read_npy_indices(&shared_data("../reference/hand-bbw-b.npy")?);
+    let mesh = read_mesh(&shared("hand.mesh")?);
+    let bones = read_tgf(&shared("hand.tgf")?);
+    let fixed = read_npy_indices(&shared("../reference/hand-bbw-b.npy")?);
     let on = |bone: &BoneSegment, vertex: usize| {
         let place = DVec3::from(mesh.vertices[vertex]);
         closest_on_segment(place, bone.head.into(), bone.tail.into()).distance(place) < 1e-6
@@ -130,7 +132,7 @@ fn a_chain_is_linear_on_each_bone_and_knows_its_sides() {
     for bone in 0..3 {
         let weights = result.weights.bone(bone);
         let mut last = 0.0;
-        // The edge across from the bone: the shape is thin, so it has nearly the bone's values, and rises as they do.
+        // The edge across from the bone: the shape is thin, so its values are close to the bone's and rise with them.
         for slice in 0..=24 {
             let wanted = match bone {
                 0 => (slice as f64 - 3.0) / 5.0,
@@ -143,11 +145,11 @@ fn a_chain_is_linear_on_each_bone_and_knows_its_sides() {
             last = weight;
         }
     }
-    assert!(setup.held[0].iter().all(|v| result.weights.weight(*v, 1) == 0.0), "what hangs on the head");
-    assert!(setup.held[2].iter().all(|v| result.weights.weight(*v, 1) == 1.0), "what hangs on the tail");
+    assert!(setup.held[0].iter().all(|v| result.weights.weight(*v, 1) == 0.0), "everything that hangs on the head");
+    assert!(setup.held[2].iter().all(|v| result.weights.weight(*v, 1) == 1.0), "everything that hangs on the tail");
     let free = setup.solve(OtherBones::Free);
     let difference = largest_difference(&free.weights.to_columns().unwrap(), &result.weights.to_columns().unwrap());
-    assert!(difference < 0.05, "a thin chain needs no telling: {difference}");
+    assert!(difference < 0.05, "on a thin chain the other bones' values hardly matter: {difference}");
 }
 
 #[test]
@@ -235,7 +237,7 @@ fn skeletons_that_do_not_tell_are_told() {
     let middle = result.weights.bone(1);
     assert_eq!(result.told_by_projection, [vec![3], vec![3, 4], vec![3], vec![0, 1, 2, 4], vec![1, 3]]);
     assert_eq!((middle[4 * 10 + 3], middle[4 * 11 + 3], middle[4 * 12 + 1]), (0.25, 0.375, 0.5));
-    // A bone that joins another half way has its value there.
+    // A bone that joins another halfway has its value there.
     let mut setup = chain(false);
     setup.bones.push(BoneSegment { head: [12.0, 0.0, 0.0], tail: [12.0, 1.0, 1.0] });
     setup.held.push(vec![4 * 12, 4 * 12 + 3]);
@@ -310,22 +312,23 @@ fn stops_when_asked() {
     let setup = chain(false);
     for others in [OtherBones::OnTheirSide, OtherBones::Free] {
         let mut last = 0.0;
-        let mut stop = |at: armature_weights::Progress| {
-            assert!(at.done >= last, "{} after {last}", at.done);
-            last = at.done;
-            if at.done > 0.5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let mut stop = |_: &'static str, done: f64| {
+            assert!(done >= last, "{done} after {last}");
+            last = done;
+            if done > 0.5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let settings = BiharmonicSettings::interactive();
         let stopped = endpoint_weights(&setup.laplacian, &setup.mass, &setup.skeleton(), others, &settings, &mut stop);
-        assert!(matches!(stopped, Err(EndpointError::Weights(BiharmonicError::Cancelled(_)))), "{others:?}");
+        assert!(matches!(stopped, Err(EndpointError::Weights(BiharmonicError::Cancelled { .. }))), "{others:?}");
     }
     let settings = BiharmonicSettings::interactive();
-    let mut stop = |at: armature_weights::Progress| match at.phase {
-        Phase::Guess => ControlFlow::Break(()),
+    let wanted = "guessing the weights that reach far";
+    let mut stop = |stage: &'static str, _: f64| match stage {
+        stage if stage == wanted => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     };
     let stopped = joint_weights(&setup.laplacian, &setup.mass, &setup.skeleton(), &settings, &mut stop);
-    assert_eq!(stopped, Err(BiharmonicError::Cancelled(Phase::Guess).into()));
+    assert_eq!(stopped, Err(BiharmonicError::Cancelled { stage: wanted }.into()));
 }
 
 fn largest_difference(a: &[f64], b: &[f64]) -> f64 {

@@ -1,15 +1,14 @@
-//! Both weight problems against an interior point method that shares no line with ours: nothing is eliminated there,
-//! no order is chosen, and no guess is made.
+//! Both weight problems against an interior point method that shares no code with ours: it eliminates nothing, chooses
+//! no order and makes no guess.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has to fail")]
 
 mod support;
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{
-    Lumping, SparseMatrix, TetrahedralMesh, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra,
-};
-use armature_weights::{
+use armature_geometry::TetrahedralMesh;
+use armature_geometry::operators::{Lumping, SparseMatrix, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
+use armature_weights::biharmonic::{
     BiharmonicOutcome, BiharmonicProblem, BiharmonicSettings, ExactPartitionSettings, bounded_biharmonic_weights,
     exact_partition_weights,
 };
@@ -105,7 +104,7 @@ impl Constraints {
     }
 }
 
-/// The least `½ xᵀ P x`, and where it is taken.
+/// The least `½ xᵀ P x`, and where it is attained.
 fn interior_point(count: usize, hessian: &[(usize, usize, f64)], constraints: &Constraints) -> (f64, Vec<f64>) {
     let matrix = |rows: usize, entries: &[(usize, usize, f64)]| {
         let (i, j, v): (Vec<usize>, Vec<usize>, Vec<f64>) = (
@@ -141,7 +140,7 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// What the interior point method's own tolerances leave of a weight.
+/// The error in a weight that the interior point method's own tolerances allow.
 const ITS_ERROR: f64 = 2e-6;
 
 #[test]
@@ -149,7 +148,7 @@ fn each_handle_agrees_with_an_interior_point_method() {
     let setup = Setup::new();
     let n = setup.mass.len();
     let settings = BiharmonicSettings::certified();
-    let ours = bounded_biharmonic_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let ours = bounded_biharmonic_weights(&setup.problem(), &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     let hessian = setup.hessian();
     for (handle, report) in ours.reports.iter().enumerate() {
         let mut constraints = Constraints { equal: setup.fixed.len(), ..Constraints::default() };
@@ -175,7 +174,7 @@ fn an_exact_partition_agrees_with_an_interior_point_method() {
     let setup = Setup::new();
     let (n, m) = (setup.mass.len(), setup.handles);
     let settings = ExactPartitionSettings { error_bound: 1e-4, max_steps: 40_000 };
-    let ours = exact_partition_weights(&setup.problem(), &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let ours = exact_partition_weights(&setup.problem(), &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     let of_one = setup.hessian();
     let shifted = |handle: usize| of_one.iter().map(move |&(i, j, v)| (handle * n + i, handle * n + j, v));
     let hessian: Vec<_> = (0..m).flat_map(shifted).collect();

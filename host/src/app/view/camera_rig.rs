@@ -1,11 +1,11 @@
-//! The camera glides to where it is asked to be.
+//! The camera glides to its destination.
 
 use armature_render::{Bounds, Camera};
 
-/// Share of the way that is left after a second, as a power of e.
+/// How much of the distance is left after a second, as a power of e.
 const HASTE: f32 = 14.0;
 
-/// Where the camera is and where it wants to be.
+/// Where the camera is and where it is going.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CameraRig {
     pub(super) now: Camera,
@@ -13,13 +13,13 @@ pub(super) struct CameraRig {
 }
 
 impl CameraRig {
-    /// Jumps.
+    /// Jumps to the destination.
     pub(super) fn cut_to(&mut self, bounds: &Bounds, aspect: f32) {
         self.goal.frame(bounds, aspect);
         self.now = self.goal;
     }
 
-    /// Moves for so many seconds. Returns whether there is more way to go.
+    /// Moves for this many seconds. Returns whether there is further to go.
     pub(super) fn glide(&mut self, seconds: f32) -> bool {
         let share = 1.0 - (-HASTE * seconds.clamp(0.0, 0.1)).exp();
         let (now, goal) = (&mut self.now, &self.goal);

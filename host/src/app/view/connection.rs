@@ -1,22 +1,18 @@
-//! The upper left: which puppet, and how to get one.
+//! The upper left: which puppet is connected, and how to connect one.
 
+use armature_sim::Body;
 use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
 
 use super::widgets;
-use crate::app::engine::CharacterChoice;
 use crate::app::state::{Action, Connection, State};
 use crate::app::theme;
+use crate::characters::default_for;
+use crate::engine::command::CharacterChoice;
 
-const SIMULATED: [(&str, &str, CharacterChoice, &str); 3] = [
-    ("Human", "sim:human", CharacterChoice::Human, "A simulated human puppet that walks and waves"),
-    ("Spider", "sim:spider", CharacterChoice::Spider, "A simulated spider with eight legs"),
-    ("Hand", "sim:hand", CharacterChoice::Hand, "A simulated hand with five fingers"),
-];
-
-/// Three and a half serial ports, so that one sees when there are more.
+/// Three and a half serial ports, so that it is visible when there are more.
 const PORTS_HEIGHT: f32 = 130.0;
 
-/// Name of the program and whether there is a puppet.
+/// The program's name, and whether a puppet is connected.
 pub(super) fn header(ui: &mut Ui, state: &State) {
     ui.horizontal(|ui| {
         ui.label(RichText::new("Armature").size(19.0).strong());
@@ -24,12 +20,13 @@ pub(super) fn header(ui: &mut Ui, state: &State) {
             Connection::Off => widgets::pill(ui, "Not connected", theme::QUIET),
             Connection::Connecting { .. } => widgets::pill(ui, "Connecting", theme::AMBER),
             Connection::On { .. } if state.is_live() => widgets::pill(ui, "Live", theme::GREEN),
+            Connection::On { .. } if state.is_line_broken() => widgets::pill(ui, "Line broken", theme::AMBER),
             Connection::On { .. } => widgets::pill(ui, "Waiting for samples", theme::AMBER),
         });
     });
 }
 
-/// The card to connect with, or what is connected.
+/// The card for connecting, or the current connection.
 pub(super) fn card(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
     theme::card().show(ui, |ui| {
         ui.set_width(ui.available_width());
@@ -37,8 +34,7 @@ pub(super) fn card(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
             Connection::Off => offer(ui, state, actions),
             Connection::Connecting { address } => {
                 ui.horizontal(|ui| {
-                    ui.add(egui::Spinner::new().size(16.0).color(theme::AMBER));
-                    ui.label(format!("Connecting to {address}"));
+                    ui.label(format!("Connecting to {address}…"));
                 });
                 cancel(ui, "Give up", actions);
             }
@@ -52,7 +48,7 @@ pub(super) fn card(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
 }
 
 fn cancel(ui: &mut Ui, label: &str, actions: &mut Vec<Action>) {
-    if widgets::wide(ui, egui::Button::new(label), 30.0).on_hover_text("Close the connection (Space)").clicked() {
+    if widgets::wide(ui, egui::Button::new(label), 30.0).on_hover_text("Close the connection").clicked() {
         actions.push(Action::Disconnect);
     }
 }
@@ -60,15 +56,18 @@ fn cancel(ui: &mut Ui, label: &str, actions: &mut Vec<Action>) {
 fn offer(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
     widgets::caption(ui, "SIMULATED PUPPET");
     ui.horizontal(|ui| {
-        let width = (ui.available_width() - 16.0) / 3.0;
-        for (label, address, character, hint) in SIMULATED {
-            let button = egui::Button::new(label).min_size(Vec2::new(width, 32.0));
-            if ui.add(button).on_hover_text(hint).clicked() {
-                // Somebody who tries a simulated hand wants to see a hand, unless a file was opened.
-                if state.choice != character && !matches!(state.choice, CharacterChoice::File(_)) {
+        let count = Body::presets().count() as f32;
+        let width = (ui.available_width() - (count - 1.0) * ui.spacing().item_spacing.x) / count;
+        for (name, what) in Body::presets() {
+            let address = format!("sim:{name}");
+            let button = egui::Button::new(widgets::titled(name)).min_size(Vec2::new(width, 32.0));
+            if ui.add(button).on_hover_text(format!("A simulated {what}")).clicked() {
+                let character = CharacterChoice::named(default_for(&address));
+                // Anyone who tries a simulated hand wants to see a hand, unless a file was opened.
+                if !state.shows(&character) && !matches!(state.choice, CharacterChoice::File(_)) {
                     actions.push(Action::Load(character));
                 }
-                actions.push(Action::Connect(address.into()));
+                actions.push(Action::Connect(address));
             }
         }
     });

@@ -1,52 +1,76 @@
-//! Choosing a character's file, without holding up the window.
+//! Choosing a character file without blocking the window.
 
 use std::path::PathBuf;
 use std::sync::mpsc::{self, Receiver};
+use std::time::{Duration, Instant};
 
 use eframe::egui;
 
-const EXTENSIONS: [&str; 6] = ["glb", "gltf", "obj", "ply", "stl", "off"];
+use crate::characters::OPENABLE;
+use crate::engine::event::Problem;
+
+/// A dialog that closes sooner than this never appeared: nobody cancels that fast.
+const FASTEST_PERSON: Duration = Duration::from_millis(250);
+
+/// The result of asking for a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Answer {
+    /// This one.
+    File(PathBuf),
+    /// The system has no file dialog.
+    NoDialog,
+}
 
 /// A file dialog that may be open, and files dropped onto the window.
 #[derive(Debug, Default)]
 pub(super) struct Files {
-    answer: Option<Receiver<Option<PathBuf>>>,
+    pending: Option<Receiver<Option<Answer>>>,
 }
 
 impl Files {
-    /// Opens the system's dialog; a second one is not opened.
+    /// Opens the system's dialog, unless one is open already.
     pub(super) fn ask(&mut self, ctx: &egui::Context) {
-        if self.answer.is_some() {
+        if self.pending.is_some() {
             return;
         }
         let (sender, receiver) = mpsc::channel();
-        self.answer = Some(receiver);
+        self.pending = Some(receiver);
         let ctx = ctx.clone();
         std::thread::spawn(move || {
-            let dialog =
-                rfd::FileDialog::new().set_title("Open a character").add_filter("Meshes and characters", &EXTENSIONS);
+            let asked = Instant::now();
+            let dialog = rfd::FileDialog::new().set_title("Open a character").add_filter("Characters", &OPENABLE);
+            let answer = match dialog.pick_file() {
+                Some(path) => Some(Answer::File(path)),
+                None => (asked.elapsed() < FASTEST_PERSON).then_some(Answer::NoDialog),
+            };
             // The window may have been closed meanwhile.
-            let _ = sender.send(dialog.pick_file());
+            let _ = sender.send(answer);
             ctx.request_repaint();
         });
     }
 
-    /// The file chosen or dropped since the last call.
-    pub(super) fn chosen(&mut self, ctx: &egui::Context) -> Option<PathBuf> {
+    /// What was chosen or dropped since the last call.
+    pub(super) fn answer(&mut self, ctx: &egui::Context) -> Option<Answer> {
         let dropped = ctx.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
-        if dropped.is_some() {
-            return dropped;
+        if let Some(path) = dropped {
+            return Some(Answer::File(path));
         }
-        match self.answer.as_ref()?.try_recv() {
-            Ok(chosen) => {
-                self.answer = None;
-                chosen
-            }
-            Err(mpsc::TryRecvError::Empty) => None,
-            Err(mpsc::TryRecvError::Disconnected) => {
-                self.answer = None;
-                None
-            }
-        }
+        let answer = match self.pending.as_ref()?.try_recv() {
+            Err(mpsc::TryRecvError::Empty) => return None,
+            Ok(answer) => answer,
+            Err(mpsc::TryRecvError::Disconnected) => None,
+        };
+        self.pending = None;
+        answer
+    }
+}
+
+/// The card about a missing dialog.
+pub(super) fn no_dialog() -> Problem {
+    Problem {
+        what: "This system has no file dialog.".into(),
+        remedy: "Drop the file onto the window, start with `armature window --character FILE`, or install \
+                 xdg-desktop-portal or zenity."
+            .into(),
     }
 }

@@ -8,6 +8,7 @@ use eframe::egui::{
 use super::widgets;
 use crate::app::state::{Action, Connection, PartRow, State, axis_label, kind_label, state_label};
 use crate::app::theme;
+use crate::terminal::counted;
 
 const ROW: f32 = 26.0;
 const READING: f32 = 42.0;
@@ -15,7 +16,7 @@ const READING: f32 = 42.0;
 /// What the list remembers between frames.
 #[derive(Debug, Default)]
 pub(super) struct JointList {
-    /// The selection that was scrolled to last.
+    /// The selection last scrolled to.
     scrolled_to: Option<usize>,
 }
 
@@ -29,13 +30,13 @@ pub(super) fn show(ui: &mut Ui, state: &State, list: &mut JointList, actions: &m
         let joints = tree.parts().iter().filter(|part| !part.kind.axes().is_empty()).count();
         widgets::caption(ui, "JOINTS");
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            let text = format!("{joints} joints, {} sensors", tree.sensor_count());
+            let sensors = counted(tree.sensor_count(), "sensor", "sensors");
+            let text = format!("{}, {sensors}", counted(joints, "joint", "joints"));
             let told = ui.label(RichText::new(text).size(11.5).color(theme::QUIET));
             let solved = state.solved.iter().filter(|solved| **solved).count();
             if solved > 0 {
-                told.on_hover_text(format!(
-                    "{solved} bones without a joint are found from the shape (blue in the picture)"
-                ));
+                let bones = counted(solved, "bone without a joint is", "bones without a joint are");
+                told.on_hover_text(format!("{bones} found from the shape (blue in the picture)"));
             }
         });
     });
@@ -77,8 +78,8 @@ fn empty(ui: &mut Ui, state: &State) {
                 "No puppet connected",
                 "Start a simulated one above, or plug a puppet in and choose its port. Its joints appear here, each with its live angle.",
             ),
-            Connection::Connecting { .. } => ("Saying hello", "Waiting for the puppet to tell what it is."),
-            Connection::On { .. } => ("Reading the puppet", "Waiting for it to tell which joints are plugged together."),
+            Connection::Connecting { .. } => ("Saying hello", "Waiting for the puppet to describe itself."),
+            Connection::On { .. } => ("Reading the puppet", "Waiting for it to report which joints are plugged together."),
         };
         ui.label(RichText::new(title).size(15.0).strong());
         widgets::quiet(ui, text);
@@ -150,7 +151,7 @@ fn details(ui: &mut Ui, state: &State, tree: &JointTree, part: usize, actions: &
                     actions.push(Action::Select(None));
                 }
                 let blink = ui.add_enabled(state.is_live(), egui::Button::new("Blink"));
-                if blink.on_hover_text("Let this part's light blink, to find it on the puppet").clicked() {
+                if blink.on_hover_text("Make this part's light blink, to find it on the puppet").clicked() {
                     actions.push(Action::Blink(plugged.uid));
                 }
             });

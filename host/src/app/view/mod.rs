@@ -1,4 +1,5 @@
-//! How the state looks. Views read the state and collect actions; they change nothing but the address field's text.
+//! How the state is displayed. Views read the state and collect actions; they change nothing except the address field's
+//! text.
 
 mod camera_rig;
 mod connection;
@@ -11,13 +12,13 @@ mod transport;
 mod viewport;
 mod widgets;
 
-use eframe::egui::{self, Key, Margin, Stroke, Ui};
+use eframe::egui::{self, Event, Key, Margin, Stroke, Ui};
 use eframe::egui_wgpu::RenderState;
 
-use self::files::Files;
-use super::engine::CharacterChoice;
+use self::files::{Answer, Files};
 use super::state::{Action, State};
 use super::theme;
+use crate::engine::command::CharacterChoice;
 
 const LEFT_WIDTH: f32 = 336.0;
 
@@ -30,7 +31,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Draws the window; returns what was asked for.
+    /// Draws the window; returns the requested actions.
     pub(super) fn show(
         &mut self,
         ui: &mut Ui,
@@ -39,8 +40,10 @@ impl View {
         adapter: &str,
     ) -> Vec<Action> {
         let mut actions = shortcuts(ui);
-        if let Some(path) = self.files.chosen(ui.ctx()) {
-            actions.push(Action::Load(CharacterChoice::File(path)));
+        match self.files.answer(ui.ctx()) {
+            Some(Answer::File(path)) => actions.push(Action::Load(CharacterChoice::File(path))),
+            Some(Answer::NoDialog) => actions.push(Action::Report(files::no_dialog())),
+            None => {}
         }
         egui::Panel::bottom("status")
             .exact_size(30.0)
@@ -67,7 +70,7 @@ impl View {
 
 fn shortcuts(ui: &Ui) -> Vec<Action> {
     let keys = [
-        (Key::Space, Action::ToggleConnection),
+        (Key::Space, Action::ConnectToField),
         (Key::Z, Action::Zero),
         (Key::R, Action::ToggleRecording),
         (Key::B, Action::ToggleBones),
@@ -76,8 +79,14 @@ fn shortcuts(ui: &Ui) -> Vec<Action> {
     keys.into_iter().filter(|(key, _)| pressed(ui, *key)).map(|(_, action)| action).collect()
 }
 
-/// Whether a shortcut was pressed: plain, and while nothing else has the keyboard.
+/// Whether a shortcut was pressed: once, without modifiers, and not intended for something else. A text field takes
+/// every key; any other focused widget only the keys that click it.
 fn pressed(ui: &Ui, key: Key) -> bool {
-    let taken = ui.ctx().memory(|memory| memory.focused().is_some());
-    !taken && ui.input(|input| input.modifiers.is_none() && input.key_pressed(key))
+    let focused = ui.ctx().memory(|memory| memory.focused().is_some());
+    let taken = ui.ctx().text_edit_focused() || focused && matches!(key, Key::Space | Key::Enter);
+    let is_press = |event: &Event| {
+        matches!(event, Event::Key { key: k, pressed: true, repeat: false, modifiers, .. }
+            if *k == key && modifiers.is_none())
+    };
+    !taken && ui.input(|input| input.events.iter().any(is_press))
 }

@@ -7,7 +7,7 @@ use super::widgets::{self, clock, grouped, sentence};
 use crate::app::state::{Action, SavedTake, State, Zeroed};
 use crate::app::theme;
 
-/// How long a zero that went well is told of.
+/// How long a successful zero stays on screen.
 const ZERO_SECONDS: f64 = 4.0;
 
 /// All cards, newest problem first.
@@ -34,7 +34,7 @@ pub(super) fn show(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     }
 }
 
-/// What went well fades by itself, what did not stays.
+/// Successes fade on their own, failures stay.
 fn zeroed(ui: &mut Ui, zero: Zeroed, actions: &mut Vec<Action>) {
     let seen = egui::Id::unique("zero seen at");
     let now = ui.input(|input| input.time);
@@ -112,7 +112,7 @@ fn saved(ui: &mut Ui, take: &SavedTake, actions: &mut Vec<Action>) {
     ui.add(egui::Label::new(RichText::new(name).monospace()).truncate()).on_hover_text(path.as_str());
     ui.horizontal(|ui| {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            if ui.small_button("Copy path").on_hover_text("Put the file's path on the clipboard").clicked() {
+            if ui.small_button("Copy path").on_hover_text("Copy the file's path").clicked() {
                 ui.copy_text(path.clone());
             }
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
@@ -125,7 +125,7 @@ fn saved(ui: &mut Ui, take: &SavedTake, actions: &mut Vec<Action>) {
 
 fn busy(ui: &mut Ui, task: &str, fraction: Option<f32>, actions: &mut Vec<Action>) {
     ui.horizontal_top(|ui| {
-        ui.add(egui::Spinner::new().size(14.0).color(theme::ACCENT));
+        widgets::pulse(ui, theme::ACCENT);
         text_and_cross(ui, RichText::new(task), "Cancel", || actions.push(Action::Cancel));
     });
     if let Some(fraction) = fraction {

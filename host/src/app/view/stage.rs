@@ -1,16 +1,16 @@
 //! What the viewport draws of the state: the scene, its bones, what is selected.
 
-use armature_render::{BoneMark, Bounds, Ground, MeshView, Scene, TextureView};
+use armature_render::{BoneMark, Bounds, Ground, MeshView, Scene};
 use armature_rig::SensorState;
 use glam::{Vec2, Vec3};
 
-use crate::app::engine::CharacterView;
 use crate::app::state::State;
+use crate::characters::{LoadedCharacter, Shape};
 
-/// What is kept of a character and of a selection, so that an ordinary frame computes little.
+/// What is kept for a character and a selection, so that an ordinary frame computes little.
 #[derive(Debug)]
 pub(super) struct Stage {
-    /// The character that this was made for.
+    /// The character this was made for.
     pub(super) character_number: u64,
     /// Its rest box.
     pub(super) bounds: Bounds,
@@ -46,7 +46,9 @@ impl Stage {
             self.rest_bones =
                 character.skeleton.rest_segments().iter().map(|(a, b)| (a.to_array(), b.to_array())).collect();
             let joints: Vec<[f32; 3]> = self.rest_bones.iter().flat_map(|&(head, tail)| [head, tail]).collect();
-            if let Some(bounds) = Bounds::of(&character.positions).or_else(|| Bounds::of(&joints)) {
+            if let Some(bounds) =
+                character.shape.as_ref().and_then(|shape| Bounds::of(&shape.positions)).or_else(|| Bounds::of(&joints))
+            {
                 self.bounds = bounds;
                 self.ground = Ground::under(&bounds);
             }
@@ -69,21 +71,21 @@ impl Stage {
         Scene { mesh, bones: &self.marks, ground: self.ground, ..Scene::default() }
     }
 
-    fn mesh<'a>(&'a self, state: &'a State, character: &'a CharacterView) -> MeshView<'a> {
-        let vertices = character.positions.len();
+    fn mesh<'a>(&'a self, state: &'a State, character: &'a LoadedCharacter) -> MeshView<'a> {
+        let Some(shape) = &character.shape else { return MeshView::default() };
+        let vertices = shape.positions.len();
         let posed = state.frame.as_deref().filter(|f| f.positions.len() == vertices && f.normals.len() == vertices);
         let (positions, normals) = match posed {
-            Some(frame) => (&frame.positions, &frame.normals),
-            None => (&character.positions, &character.normals),
+            Some(frame) => (frame.positions.as_slice(), frame.normals.as_slice()),
+            None => (shape.positions.as_slice(), shape.normals()),
         };
-        let texture = character.texture.as_ref();
         MeshView {
             positions,
             normals,
-            triangles: &character.triangles,
-            uv: (character.uv.len() == vertices && vertices > 0).then_some(character.uv.as_slice()),
-            texture: texture.map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba }),
-            base_color: character.base_color,
+            triangles: shape.triangles(),
+            uv: shape.texture_coordinates().filter(|uv| uv.len() == vertices),
+            parts: &shape.parts,
+            materials: &shape.materials,
             colors: None,
             highlight: (self.highlight.len() == vertices && vertices > 0).then_some(self.highlight.as_slice()),
             revision: state.character_number,
@@ -112,7 +114,7 @@ impl Stage {
                     Some(SensorState::MagnetWeak) => [0.96, 0.72, 0.29, 0.60],
                     Some(SensorState::Outlier) => [0.74, 0.51, 1.0, 0.60],
                     Some(SensorState::NoData) => [0.55, 0.58, 0.64, 0.45],
-                    // Found from the shape: neither measured nor left alone.
+                    // Found from the shape: neither measured nor left as it was.
                     None if state.is_solved(bone) => [0.42, 0.68, 1.0, 0.50],
                     None => [0.62, 0.66, 0.74, 0.26],
                 }
@@ -141,8 +143,8 @@ impl Stage {
     }
 }
 
-fn weights_of(character: &CharacterView, bone: usize) -> Vec<f32> {
-    let Some(influences) = &character.influences else { return Vec::new() };
+fn weights_of(character: &LoadedCharacter, bone: usize) -> Vec<f32> {
+    let Some(influences) = character.shape.as_ref().map(Shape::influences) else { return Vec::new() };
     (0..influences.vertex_count())
         .map(|vertex| influences.of_vertex(vertex).filter(|(b, _)| usize::from(*b) == bone).map(|(_, w)| w).sum())
         .collect()

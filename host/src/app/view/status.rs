@@ -1,4 +1,4 @@
-//! The line at the bottom: how well the stream does, and what draws the picture.
+//! The line at the bottom: how well the stream is doing, and what draws the picture.
 
 use eframe::egui::{Align, Color32, Layout, RichText, Ui};
 
@@ -22,10 +22,10 @@ pub(super) fn show(ui: &mut Ui, state: &State, adapter: &str) {
                     "Checksum errors",
                     &errors,
                     alarm(stats.crc_errors),
-                    "Frames thrown away because they arrived damaged",
+                    "Frames dropped because they arrived damaged",
                 );
                 let resyncs = grouped(stats.resyncs);
-                let hint = "Pieces of the stream that were no frame; reading went on with the next frame";
+                let hint = "Bytes that formed no frame; reading continued with the next one";
                 item(ui, "Resyncs", &resyncs, alarm(stats.resyncs), hint);
                 let millis = |micros: f32| format!("{:.2}", micros / 1000.0);
                 let latency = format!("{} / {} ms", millis(stats.latency_p50_micros), millis(stats.latency_p99_micros));

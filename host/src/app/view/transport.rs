@@ -12,7 +12,7 @@ const ZERO: f32 = 84.0;
 const RECORD: f32 = 158.0;
 const GAP: f32 = 8.0;
 
-/// Returns whether the whole character shall be framed.
+/// Returns whether the camera should frame the whole character.
 pub(super) fn show(ui: &mut Ui, rect: Rect, state: &State, actions: &mut Vec<Action>) -> bool {
     let size = vec2(ZERO * 3.0 + RECORD + GAP * 3.0 + 16.0, HEIGHT + 16.0);
     let place = Rect::from_center_size(egui::pos2(rect.center().x, rect.bottom() - 18.0 - size.y * 0.5), size);
@@ -22,7 +22,7 @@ pub(super) fn show(ui: &mut Ui, rect: Rect, state: &State, actions: &mut Vec<Act
         theme::floating().inner_margin(egui::Margin::same(8)).show(ui, |ui| {
             ui.spacing_mut().item_spacing.x = GAP;
             let plain = |text: &'static str| egui::Button::new(text).min_size(Vec2::new(ZERO, HEIGHT));
-            let zero = ui.add_enabled(live, plain("Zero"));
+            let zero = ui.add_enabled(state.can_calibrate(), plain("Zero"));
             zero.context_menu(|ui| {
                 for step in CalibrationStep::ALL {
                     if ui.button(format!("Calibrate: {step}")).clicked() {
@@ -33,7 +33,8 @@ pub(super) fn show(ui: &mut Ui, rect: Rect, state: &State, actions: &mut Vec<Act
             });
             let hint = "The puppet is in the character's rest pose now: make this zero (Z). \
                         A right click offers the steps of a calibration, with a countdown";
-            if zero.on_hover_text(hint).on_disabled_hover_text("Connect a puppet first").clicked() {
+            let disabled = if live { "Stop recording first" } else { "Connect a puppet first" };
+            if zero.on_hover_text(hint).on_disabled_hover_text(disabled).clicked() {
                 actions.push(Action::Zero);
             }
             let recording = state.recording.map(|(seconds, _)| seconds);

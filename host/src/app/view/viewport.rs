@@ -1,4 +1,4 @@
-//! The picture: the character on its stage, and what floats over it.
+//! The picture: the character on its stage, and the overlays.
 
 use armature_render::Bounds;
 use eframe::egui::{
@@ -9,10 +9,11 @@ use eframe::egui_wgpu::RenderState;
 use super::camera_rig::CameraRig;
 use super::stage::Stage;
 use super::{Files, notices, transport, widgets};
-use crate::app::engine::CharacterChoice;
 use crate::app::paint;
 use crate::app::state::{Action, Connection, State};
 use crate::app::theme;
+use crate::characters::{OPENABLE, OWN};
+use crate::engine::command::CharacterChoice;
 
 /// Camera and scene.
 #[derive(Debug, Default)]
@@ -24,7 +25,7 @@ pub(super) struct Viewport {
 }
 
 impl Viewport {
-    /// Shows the whole character.
+    /// Frames the whole character.
     pub(super) fn frame_all(&mut self, state: &State, aspect: f32) {
         let posed = state.frame.as_deref().and_then(|frame| Bounds::of(&frame.positions));
         self.rig.goal.frame(&above_the_bar(posed.unwrap_or(self.stage.bounds)), aspect);
@@ -102,7 +103,7 @@ impl Viewport {
         }
     }
 
-    /// What to do next, where there is nothing to see yet.
+    /// What to do next, as long as there is nothing to see.
     fn invite(&self, ui: &mut Ui, rect: Rect, state: &State) {
         if let Some(trouble) = &self.trouble {
             let text = format!("The character cannot be drawn.\n{trouble}");
@@ -134,12 +135,12 @@ impl Viewport {
     }
 }
 
-/// Room below the feet for what floats there.
+/// Space below the feet for overlays.
 fn above_the_bar(bounds: Bounds) -> Bounds {
     Bounds { min: bounds.min - glam::Vec3::Y * (bounds.size().y * 0.16), ..bounds }
 }
 
-/// The upper left: the character's name and the others to choose from.
+/// The upper left: the character's name, and others to choose from.
 fn title(ui: &mut Ui, rect: Rect, state: &State, files: &mut Files, actions: &mut Vec<Action>) {
     let place = Rect::from_min_size(rect.min + vec2(16.0, 14.0), vec2((rect.width() - 32.0).max(0.0), 80.0));
     ui.scope_builder(UiBuilder::new().max_rect(place), |ui| {
@@ -147,26 +148,29 @@ fn title(ui: &mut Ui, rect: Rect, state: &State, files: &mut Files, actions: &mu
         ui.horizontal(|ui| {
             theme::floating().inner_margin(egui::Margin::same(4)).show(ui, |ui| {
                 ui.spacing_mut().item_spacing.x = 2.0;
-                for (label, choice, hint) in [
-                    ("Human", CharacterChoice::Human, "Our human figure"),
-                    ("Spider", CharacterChoice::Spider, "Our spider"),
-                    ("Hand", CharacterChoice::Hand, "Our hand"),
-                ] {
+                for name in OWN {
+                    let choice = CharacterChoice::BuiltIn(name);
+                    let selected = state.shows(&choice);
                     let button =
-                        egui::Button::selectable(state.choice == choice, label).min_size(Vec2::new(64.0, 26.0));
-                    if ui.add(button).on_hover_text(hint).clicked() {
+                        egui::Button::selectable(selected, widgets::titled(name)).min_size(Vec2::new(64.0, 26.0));
+                    if ui.add(button).on_hover_text(format!("The built-in {name}")).clicked() {
                         actions.push(Action::Load(choice));
                     }
                 }
-                let from_file = matches!(state.choice, CharacterChoice::File(_));
+                let from_file = state.character.is_some() && matches!(state.choice, CharacterChoice::File(_));
                 let button = egui::Button::selectable(from_file, "Open…").min_size(Vec2::new(64.0, 26.0));
-                if ui.add(button).on_hover_text("A mesh or a rigged character: glTF, OBJ, PLY, STL, OFF").clicked() {
+                if ui
+                    .add(button)
+                    .on_hover_text(format!("A character, a mesh or a skeleton: {}", OPENABLE.join(", ")))
+                    .clicked()
+                {
                     files.ask(ui.ctx());
                 }
             });
         });
         if let Some(character) = &state.character {
-            let triangles = widgets::grouped(character.triangles.len() as u64);
+            let triangles = character.shape.as_ref().map_or(0, |shape| shape.triangles().len());
+            let triangles = widgets::grouped(triangles as u64);
             let name = widgets::capitalised(&character.name);
             let line = format!("{name}: {triangles} triangles, {} bones", character.skeleton.len());
             ui.label(RichText::new(line).size(12.0).color(theme::QUIET));

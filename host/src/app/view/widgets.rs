@@ -16,7 +16,7 @@ pub(super) fn quiet(ui: &mut Ui, text: impl Into<String>) -> Response {
     ui.add(egui::Label::new(RichText::new(text).color(theme::QUIET)).wrap())
 }
 
-/// The main thing to press.
+/// The primary button.
 pub(super) fn primary(text: &str) -> Button<'static> {
     let label = RichText::new(text).color(Color32::WHITE).strong();
     Button::new(label).fill(Color32::from_rgb(38, 110, 205)).stroke(Stroke::new(1.0, Color32::from_rgb(66, 138, 235)))
@@ -27,6 +27,14 @@ pub(super) fn dot(ui: &mut Ui, color: Color32) -> Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(9.0), Sense::hover());
     ui.painter().circle_filled(rect.center(), 3.6, color);
     response
+}
+
+/// A dot that blinks while work goes on. It is drawn a few times a second: on a software adapter, a spinner that is drawn
+/// as often as possible takes half of a core from the work.
+pub(super) fn pulse(ui: &mut Ui, color: Color32) {
+    let is_bright = ui.input(|input| input.time).rem_euclid(1.0) < 0.5;
+    ui.ctx().request_repaint_after(std::time::Duration::from_millis(250));
+    dot(ui, if is_bright { color } else { color.gamma_multiply(0.4) });
 }
 
 /// A small cross that closes a card.
@@ -41,7 +49,7 @@ pub(super) fn close(ui: &mut Ui, label: &str) -> Response {
     response.on_hover_text(label)
 }
 
-/// A button as wide as its place.
+/// A button that fills its place.
 pub(super) fn wide(ui: &mut Ui, button: Button<'_>, height: f32) -> Response {
     ui.add_sized(Vec2::new(ui.available_width(), height), button)
 }
@@ -57,14 +65,14 @@ pub(super) fn pill(ui: &mut Ui, text: &str, color: Color32) {
     ui.painter().galley(pos2(rect.left() + 21.0, rect.center().y - galley.size().y * 0.5), galley, color);
 }
 
-/// One line of text that ends in an ellipsis where it does not fit.
+/// One line of text, ending in an ellipsis if it does not fit.
 pub(super) fn line(ui: &Ui, left_middle: egui::Pos2, width: f32, text: &str, color: Color32) {
     let text = egui::WidgetText::from(RichText::new(text).size(13.5).color(color));
     let galley = text.into_galley(ui, Some(egui::TextWrapMode::Truncate), width, egui::TextStyle::Body);
     ui.painter().galley(left_middle - Vec2::new(0.0, galley.size().y * 0.5), galley, color);
 }
 
-/// A track from −180° to 180° with a bar from its middle; `None` leaves the track empty.
+/// A track from −180° to 180° with a bar from its middle; `None` leaves it empty.
 pub(super) fn angle_bar(ui: &mut Ui, angle: Option<f32>, color: Color32, width: f32) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 6.0), Sense::hover());
     ui.painter().rect_filled(rect, 3.0, theme::WELL);
@@ -115,13 +123,13 @@ pub(super) fn record(ui: &mut Ui, recording: Option<f64>, enabled: bool, size: V
     response
 }
 
-/// With a capital at the beginning.
+/// Capitalised.
 pub(super) fn capitalised(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
-/// As a sentence: errors come without capital and full stop, to be put after a colon.
+/// As a sentence: errors come without a capital and full stop, to follow a colon.
 pub(super) fn sentence(text: &str) -> String {
     let text = capitalised(text.trim());
     if text.is_empty() || text.ends_with(['.', '!', '?']) { text } else { text + "." }
@@ -129,9 +137,15 @@ pub(super) fn sentence(text: &str) -> String {
 
 /// Minutes, seconds and tenths: "1:04.2".
 pub(super) fn clock(seconds: f64) -> String {
-    // A float cast saturates; what is no number becomes zero.
+    // A float cast saturates; NaN becomes zero.
     let tenths = (seconds.max(0.0) * 10.0) as u64;
     format!("{}:{:02}.{}", tenths / 600, tenths / 10 % 60, tenths % 10)
+}
+
+/// A name, capitalised.
+pub(super) fn titled(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Digits in groups of three: "1 234 567".
@@ -158,6 +172,7 @@ mod tests {
         assert_eq!(clock(-3.0), "0:00.0");
         assert_eq!(grouped(1_234_567).replace('\u{2009}', " "), "1 234 567");
         assert_eq!(grouped(999), "999");
+        assert_eq!([titled("human8"), titled("")], ["Human8", ""]);
         assert_eq!(sentence("the puppet is silent "), "The puppet is silent.");
         assert_eq!(sentence("Why?"), "Why?");
         assert_eq!(sentence(""), "");

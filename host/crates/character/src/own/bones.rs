@@ -3,7 +3,7 @@
 use armature_rig::{Bone, Skeleton, SkeletonError, Transform};
 use glam::DVec3;
 
-/// Bones so far, with the heads they were given in model space.
+/// The bones so far, with their heads in model space.
 #[derive(Default)]
 pub(super) struct Bones {
     bones: Vec<Bone>,
@@ -24,8 +24,8 @@ impl Bones {
         self.heads.push(head);
     }
 
-    /// Adds a bone of the left side, or its mirror image in x for any other side; the parent is a bone of the same
-    /// side if there is one.
+    /// Adds a bone of the left side, or its mirror image in x for any other side; the parent is a bone on the same side
+    /// if there is one.
     pub(super) fn add_on_side(&mut self, side: &str, name: &str, parent: &str, ends: [DVec3; 2]) {
         let ends = if side == "Left" { ends } else { ends.map(|p| DVec3::new(-p.x, p.y, p.z)) };
         let own = format!("{side}{parent}");

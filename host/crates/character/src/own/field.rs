@@ -1,12 +1,12 @@
-//! The shapes our own characters are made of: a signed distance field of smoothly blended lofts.
+//! The shapes that our own characters are made of: a signed distance field of smoothly blended lofts.
 //!
-//! A loft is a straight axis with an egg-shaped cross-section that changes along it, closed by rounded caps; a
-//! capsule, an ellipsoid, a thigh and a rib cage are all lofts. Lofts join by a smooth minimum. The field is
-//! negative inside, near the surface close to a true distance, and never much steeper than one.
+//! A loft is a straight axis with an egg-shaped cross-section that changes along it, closed by rounded caps; a capsule,
+//! an ellipsoid, a thigh and a rib cage are all lofts. Lofts are joined by a smooth minimum. The field is negative
+//! inside, close to the true distance near the surface, and never much steeper than one.
 
 use glam::DVec3;
 
-/// An upper bound of the field's slope: the sections of a loft may widen along its axis by this much.
+/// An upper bound on the field's slope: the sections of a loft may widen this much along its axis.
 pub(super) const STEEPEST: f64 = 1.6;
 
 /// A cross-section: where on the axis (0 to 1) and how far it reaches towards +u, -u, +v and -v.
@@ -27,12 +27,12 @@ pub(super) struct Loft {
     v: DVec3,
     stations: Vec<Station>,
     caps: [f64; 2],
-    /// No section and no cap reaches further than this from the axis.
+    /// No section or cap reaches further than this from the axis.
     widest: f64,
 }
 
 impl Loft {
-    /// A loft from `start` to `end`; `u` and `v` are made square to the axis (v first). Each station is
+    /// A loft from `start` to `end`; `u` and `v` are made perpendicular to the axis (v first). Each station is
     /// `(at, [+u, -u, +v, -v])` with `at` rising from 0 to 1; `caps` is how far the rounded ends stick out.
     pub(super) fn new(
         [start, end]: [DVec3; 2],
@@ -104,8 +104,8 @@ impl Loft {
     }
 }
 
-/// Slopes of the monotone cubic interpolant (Fritsch and Carlson, in the harmonic form of Brodlie): no overshoot
-/// between stations; level at both ends, where the caps go on without a crease.
+/// Slopes of the monotone cubic interpolant (Fritsch and Carlson, in Brodlie's harmonic form): no overshoot between
+/// stations; level at both ends, where the caps continue without a crease.
 fn with_slopes(stations: &[(f64, [f64; 4])]) -> Vec<Station> {
     let secant = |i: usize, k: usize| (stations[i + 1].1[k] - stations[i].1[k]) / (stations[i + 1].0 - stations[i].0);
     let last = stations.len() - 1;
@@ -129,7 +129,7 @@ fn with_slopes(stations: &[(f64, [f64; 4])]) -> Vec<Station> {
     stations.iter().enumerate().map(station).collect()
 }
 
-/// What a part does to the parts before it.
+/// How a part combines with the parts before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Join {
     Add,
@@ -148,17 +148,17 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// A group that joins what came before it with the given blend width.
+    /// A group joined to everything before it with the given blend width.
     pub(super) fn new(blend: f64) -> Self {
         Self { parts: Vec::new(), blend, twin_blend: None, bounds: (DVec3::INFINITY, DVec3::NEG_INFINITY) }
     }
 
-    /// A group whose parts, given for +x, are there for -x too, blended with their twins over `twin_blend`.
+    /// A group whose parts, given for +x, also exist for -x, blended with their twins over `twin_blend`.
     pub(super) fn mirrored(blend: f64, twin_blend: f64) -> Self {
         Self { twin_blend: Some(twin_blend), ..Self::new(blend) }
     }
 
-    /// Adds a part, blended over `blend` with the group's parts before it.
+    /// Adds a part, blended over `blend` with the group's earlier parts.
     pub(super) fn add(mut self, loft: Loft, blend: f64) -> Self {
         let (low, high) = loft.bounds();
         self.bounds = (self.bounds.0.min(low), self.bounds.1.max(high));
@@ -166,13 +166,13 @@ impl Group {
         self
     }
 
-    /// Takes a part away from the group's parts before it.
+    /// Subtracts a part from the group's earlier parts.
     pub(super) fn carve(mut self, loft: Loft, blend: f64) -> Self {
         self.parts.push((loft, Join::Carve, blend));
         self
     }
 
-    /// The group without its parts.
+    /// The group without any parts.
     fn shell(&self) -> Self {
         Self { parts: Vec::new(), ..*self }
     }
@@ -222,8 +222,8 @@ impl Field {
         self.floor.map_or(d, |(y, blend)| -smooth_min(-d, p.y - y, blend))
     }
 
-    /// The same field for points within `radius` of `centre`, without the parts that lie too far away to matter
-    /// close to the surface.
+    /// The same field for points within `radius` of `centre`, without the parts that are too far away to matter close
+    /// to the surface.
     pub(super) fn near(&self, centre: DVec3, radius: f64) -> Self {
         let twin = DVec3::new(-centre.x, centre.y, centre.z);
         let highest = self.distance(centre).max(0.0) + STEEPEST * radius;
@@ -258,7 +258,7 @@ impl Field {
                 break;
             }
             let g = self.gradient(p, 0.1 * size);
-            // Away from the surface the field may be flat; there one size is as far as a step may go.
+            // Away from the surface the field may be flat; a step there goes no further than one size.
             let step = g * (d / g.length_squared().max(0.1));
             p -= step.clamp_length_max(size);
         }

@@ -17,7 +17,7 @@ pub(super) struct Detail {
     pub(super) sizes: Sizes,
 }
 
-/// The zero set as a closed mesh, and its unit normals: the field's own gradients, smoother than any average over
+/// The zero set as a closed mesh with unit normals: the field's own gradients, smoother than any average over
 /// triangles.
 pub(super) fn figure(field: &Field, detail: Detail) -> (TriangleMesh, Vec<[f32; 3]>) {
     let surface = remesh(field, polygonise(field, detail.spacing), detail.sizes);
@@ -32,8 +32,8 @@ pub(super) fn figure(field: &Field, detail: Detail) -> (TriangleMesh, Vec<[f32; 
     (mesh, normals.iter().map(|n| n.as_vec3().to_array()).collect())
 }
 
-/// In a crease (between two fingers) the field's gradient may be that of one side alone; there the mean over the
-/// triangles around is kept instead.
+/// In a crease (between two fingers) the field's gradient may be that of one side only; there the mean over the
+/// surrounding triangles is kept instead.
 fn soften_creases(mesh: &TriangleMesh, normals: &mut [DVec3]) {
     let at = |v: u32| DVec3::from(mesh.vertices[v as usize]);
     let mut around = vec![(DVec3::ZERO, 1.0_f64); normals.len()];

@@ -8,7 +8,7 @@ use super::field::{Field, Group, Loft};
 use super::figure::Detail;
 use super::remesh::Sizes;
 
-/// The hand on its own is 1 unit tall, a quarter of it forearm.
+/// The hand on its own is 1 unit tall, a quarter of which is forearm.
 const ALONE: Hand =
     Hand { wrist: DVec3::new(0.0, 0.29, 0.0), fingers: DVec3::Y, palm: DVec3::Z, thumb: DVec3::NEG_X, scale: 3.95 };
 
@@ -53,18 +53,18 @@ pub(super) fn skeleton() -> Result<Skeleton, SkeletonError> {
     bones.finish()
 }
 
-/// Where a hand is and how large. Lengths below are those of a grown-up's hand in metres.
+/// A hand's position and size. Lengths below are those of an adult's hand in metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hand {
     /// The wrist's centre.
     pub(super) wrist: DVec3,
-    /// Where straight fingers point; unit.
+    /// Where straight fingers point; unit vector.
     pub(super) fingers: DVec3,
-    /// Where the palm faces; unit, square to `fingers`.
+    /// Where the palm faces; unit vector, perpendicular to `fingers`.
     pub(super) palm: DVec3,
-    /// The thumb's side; unit, square to both.
+    /// The thumb's side; unit vector, perpendicular to both.
     pub(super) thumb: DVec3,
-    /// Times life size.
+    /// Scale relative to life size.
     pub(super) scale: f64,
 }
 
@@ -77,7 +77,7 @@ pub(super) struct Finger {
 }
 
 impl Hand {
-    /// A point of the hand's own frame: towards the thumb, along the fingers, out of the palm.
+    /// A point in the hand's own frame: towards the thumb, along the fingers, out of the palm.
     pub(super) fn place(&self, p: DVec3) -> DVec3 {
         self.wrist + self.turn(p) * self.scale
     }
@@ -168,7 +168,7 @@ pub(super) fn palm_parts(hand: &Hand) -> Vec<(Loft, f64)> {
     ]
 }
 
-/// One group a finger, so that neighbours hardly blend.
+/// One group per finger, so that neighbours hardly blend.
 pub(super) fn finger_groups(hand: &Hand, mirrored: bool) -> Vec<Group> {
     let group = |finger: &Finger| {
         let blend = (if finger.name == "Thumb" { 0.018 } else { 0.012 }) * hand.scale;

@@ -69,7 +69,7 @@ pub(super) fn skeleton() -> Result<Skeleton, SkeletonError> {
     bones.finish()
 }
 
-/// What moves with the spine, the hips and the hands although it lies far from those bones.
+/// What moves with the spine, the hips and the hands although it is far from those bones.
 pub(super) fn ribs() -> Vec<(&'static str, [DVec3; 2])> {
     let across = |y: f64, half: f64, z: f64| [at(-half, y, z), at(half, y, z)];
     let mut ribs = vec![
@@ -87,7 +87,7 @@ pub(super) fn ribs() -> Vec<(&'static str, [DVec3; 2])> {
     ribs
 }
 
-/// Sections given by height rather than by part of the axis.
+/// Sections given by height rather than by position on the axis.
 fn upright(low: f64, high: f64, z: f64, sections: &[(f64, f64, f64, f64)], caps: [f64; 2]) -> Loft {
     let stations: Vec<(f64, [f64; 4])> = sections
         .iter()

@@ -1,12 +1,12 @@
-//! Weights of a mirrored mesh, made mirror images of each other to the last bit.
+//! Weights of a mirrored mesh, made exact mirror images of each other.
 
 use std::collections::BTreeMap;
 
 use armature_geometry::{Influences, InfluencesError, TriangleMesh};
 use armature_rig::Skeleton;
 
-/// The weights of x ≥ 0 for both sides; on the middle itself the mean of both. Bones named `Left…` and `Right…`
-/// are each other's images, all others their own. `mesh` is its own mirror image in x, bit for bit.
+/// The weights of x ≥ 0 for both sides; on the middle itself the mean of both. Bones named `Left…` and `Right…` are
+/// each other's images, all others their own. `mesh` is its own mirror image in x, bit for bit.
 pub(super) fn mirror_weights(
     mesh: &TriangleMesh,
     skeleton: &Skeleton,
@@ -47,7 +47,7 @@ pub(super) fn mirror_weights(
     Influences::new(slots, bones, weights, skeleton.len())
 }
 
-/// The mean of a row and its image: the heaviest bones that fit, each pair of sides whole.
+/// The mean of a row and its image: the heaviest bones that fit, keeping left-right pairs complete.
 fn on_the_middle(row: impl Iterator<Item = (u16, f32)>, image_of_bone: &[u16], slots: usize) -> Vec<(u16, f32)> {
     let mut mean: BTreeMap<u16, f32> = BTreeMap::new();
     for (bone, weight) in row {

@@ -1,4 +1,10 @@
-//! Characters the program makes itself, so that it ships no foreign model.
+//! Characters that the program makes itself, so that it ships no third-party model: [`human`], [`spider`] and [`hand`].
+//!
+//! ```
+//! let spider = armature_character::own::spider()?;
+//! assert_eq!(spider.surface.influences.vertex_count(), spider.surface.mesh.vertices.len());
+//! # Ok::<(), armature_character::bind::BindError>(())
+//! ```
 
 mod bones;
 mod field;
@@ -12,13 +18,14 @@ mod spider;
 mod surface;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
-use armature_formats::Model;
+use armature_formats::model::{Material, Model};
 use armature_rig::{Skeleton, SkeletonError};
 use glam::DVec3;
 
-use crate::bind::bind_with_ribs;
-use crate::{BindError, BindMethod, BindSettings, Character, Provenance};
+use crate::bind::{BindError, BindMethod, BindSettings, bind_with_ribs};
+use crate::character::{Character, Provenance};
 
 use field::Field;
 use figure::{Detail, figure};
@@ -48,21 +55,22 @@ fn make(
     base_color: [f32; 4],
 ) -> Result<Character, BindError> {
     let (mesh, normals) = figure(field, detail);
-    let model =
-        Model { name: name.to_owned(), mesh, normals: Some(normals), base_color: Some(base_color), ..Model::default() };
+    let materials = vec![Material { base_color: Some(base_color), ..Material::default() }];
+    let model = Model { name: name.to_owned(), mesh, normals: Some(normals), materials, ..Model::default() };
     let skeleton = skeleton?;
     let ribs: Vec<_> =
         ribs.iter().filter_map(|(name, ends)| skeleton.find(name).map(|bone| (bone as u16, *ends))).collect();
-    let go_on = &mut |_| ControlFlow::Continue(());
+    let go_on = &mut |_, _| ControlFlow::Continue(());
     let settings = BindSettings { method: BindMethod::BoneHeat, max_influences: 4, ..BindSettings::default() };
     let mut character = bind_with_ribs(model, Some(skeleton), &ribs, &settings, go_on)?;
     if let Provenance::Computed(record) = character.provenance {
         character.provenance = Provenance::Generated(record);
     }
     if field.symmetric {
-        character.influences = mirror_weights(&character.mesh, &character.skeleton, &character.influences)?;
+        let surface = Arc::make_mut(&mut character.surface);
+        surface.influences = mirror_weights(&surface.mesh, &character.skeleton, &surface.influences)?;
     }
-    // Written for the user's own models; ours were looked at, and are tested.
+    // The warnings are for the user's own models; ours have been inspected and are tested.
     character.warnings.clear();
     Ok(character)
 }

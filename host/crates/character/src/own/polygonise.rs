@@ -1,5 +1,5 @@
-//! A fine closed triangle mesh of a field's zero set: naive surface nets (one vertex a crossed cell, one quad a
-//! crossed grid edge), on the blocks of the grid that the surface can reach.
+//! A fine closed triangle mesh of a field's zero set: naive surface nets (one vertex per crossed cell, one quad per
+//! crossed grid edge), on those blocks of the grid that the surface can reach.
 
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
@@ -7,12 +7,12 @@ use rayon::prelude::*;
 use super::field::{Field, STEEPEST};
 use super::surface::Surface;
 
-/// Cells a block has along each side.
+/// Cells per side of a block.
 const BLOCK: i32 = 8;
-/// Grid points a block samples along each side.
+/// Grid points that a block samples per side.
 const POINTS: usize = BLOCK as usize + 1;
 
-/// Where grid points lie. A symmetric field has a cell column across x = 0 as its first.
+/// Where grid points are. For a symmetric field, the first column of cells straddles x = 0.
 struct Grid {
     origin: DVec3,
     spacing: f64,
@@ -26,7 +26,7 @@ struct Patch {
     quads: Vec<[u64; 4]>,
 }
 
-/// The zero set of `field` on cells of the given size; of a symmetric field only the half x ≥ 0, its seam at
+/// The zero set of `field` on cells of the given size; for a symmetric field only the half x ≥ 0, with its seam at
 /// exactly x = 0.
 pub(super) fn polygonise(field: &Field, spacing: f64) -> Surface {
     let grid = Grid::around(field, spacing);
@@ -43,7 +43,7 @@ pub(super) fn polygonise(field: &Field, spacing: f64) -> Surface {
     let index = |key: u64| vertices.binary_search_by_key(&key, |v| v.0).ok().map(|i| i as u32);
     let mut triangles = Vec::new();
     for quad in patches.iter().flat_map(|p| &p.quads) {
-        // Every corner is there as long as the field is no steeper than STEEPEST; a test counts the holes.
+        // Every corner exists as long as the field is no steeper than STEEPEST; a test counts the holes.
         let [Some(a), Some(b), Some(c), Some(d)] = quad.map(index) else { continue };
         let at = |v: u32| positions[v as usize];
         if at(a).distance_squared(at(c)) <= at(b).distance_squared(at(d)) {
@@ -77,7 +77,7 @@ impl Grid {
         self.origin + at.as_dvec3() * self.spacing
     }
 
-    /// A number for every cell, those one before the first included.
+    /// A number for every cell, including the row before the first.
     fn key(&self, cell: IVec3) -> u64 {
         let size = (self.blocks * BLOCK + IVec3::ONE).as_i64vec3();
         let cell = cell.as_i64vec3() + 1;
@@ -114,7 +114,7 @@ impl Grid {
         patch
     }
 
-    /// The quads across the three grid edges that leave a cell's first corner.
+    /// The quads across the three grid edges that start at a cell's first corner.
     fn quads_at(&self, field: &Field, cell: IVec3, corners: [f64; 8], quads: &mut Vec<[u64; 4]>) {
         if field.symmetric && cell.x == 0 {
             return;

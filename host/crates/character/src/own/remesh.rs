@@ -1,9 +1,9 @@
-//! From a fine, uniform mesh of a field's zero set to one with triangles as large as the shape allows: edges
-//! shorter than wanted collapse, edges flip towards Delaunay, vertices slide along the surface towards the middle
-//! of their neighbours and back onto the zero set (Botsch and Kobbelt 2004, with a size that follows curvature).
+//! From a fine, uniform mesh of a field's zero set to one with triangles as large as the shape allows: edges shorter
+//! than wanted collapse, edges flip towards Delaunay, and vertices slide along the surface towards the centre of their
+//! neighbours and back onto the zero set (Botsch and Kobbelt 2004, with sizes that follow curvature).
 //!
-//! The seam of a half mesh stays at x = 0, and no inner edge may join two seam vertices: its mirror image would be
-//! a second edge between the same two.
+//! The seam of a half mesh stays at x = 0, and no inner edge may join two seam vertices: its mirror image would be a
+//! second edge between the same two.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,10 +11,10 @@ use rayon::prelude::*;
 use super::field::Field;
 use super::surface::Surface;
 
-/// How large triangles should be.
+/// Wanted triangle sizes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sizes {
-    /// Radius of curvature at which the longest edges are wanted; below it they shrink as its power 0.6.
+    /// Radius of curvature from which the longest edges are wanted; below it they shrink with its power 0.6.
     pub(super) broad: f64,
     /// Shortest edge wanted.
     pub(super) min: f64,
@@ -22,11 +22,11 @@ pub(super) struct Sizes {
     pub(super) max: f64,
 }
 
-/// Edge lengths may grow this much per unit of way along the surface.
+/// Edge lengths may grow this much per unit of distance along the surface.
 const GRADATION: f64 = 0.35;
-/// An edge collapses below this part of the length wanted.
+/// An edge collapses below this fraction of the wanted length.
 const SHORT: f64 = 0.75;
-/// No collapse makes an edge longer than this part of the length wanted.
+/// No collapse makes an edge longer than this fraction of the wanted length.
 const LONG: f64 = 1.4;
 /// Rounds of collapsing, flipping and sliding; the last ones only flip and slide.
 const ROUNDS: usize = 14;
@@ -39,7 +39,7 @@ struct Remesh<'a> {
     seam: Vec<bool>,
 }
 
-/// Coarsens `surface`, whose vertices lie within about a cell of `field`'s zero set.
+/// Coarsens `surface`, whose vertices are within about a cell of `field`'s zero set.
 pub(super) fn remesh(field: &Field, mut surface: Surface, sizes: Sizes) -> Surface {
     let seam: Vec<bool> = surface.positions.iter().map(|p| field.symmetric && p.x == 0.0).collect();
     let settle = |(p, &seam): (&DVec3, &bool)| {
@@ -63,7 +63,7 @@ pub(super) fn remesh(field: &Field, mut surface: Surface, sizes: Sizes) -> Surfa
     work.surface
 }
 
-/// The edge length wanted at each vertex: a part of the radius of curvature, within bounds, changing gently.
+/// The edge length wanted at each vertex: a fraction of the radius of curvature, within bounds, changing gradually.
 fn wanted_lengths(field: &Field, surface: &Surface, sizes: Sizes) -> Vec<f64> {
     let normals: Vec<DVec3> =
         surface.positions.par_iter().map(|&p| field.gradient(p, 0.1 * sizes.min).normalize_or(DVec3::Y)).collect();
@@ -84,7 +84,7 @@ fn wanted_lengths(field: &Field, surface: &Surface, sizes: Sizes) -> Vec<f64> {
         wanted[a as usize] = at_a.min(at_b + more);
         wanted[b as usize] = at_b.min(at_a + more);
     };
-    // Forth and back along the numbering carries a bound far in few sweeps.
+    // Forward and back along the numbering carries a bound far in few sweeps.
     for _ in 0..4 {
         for &edge in edges.iter().chain(edges.iter().rev()) {
             limit(&mut wanted, edge);
@@ -94,7 +94,7 @@ fn wanted_lengths(field: &Field, surface: &Surface, sizes: Sizes) -> Vec<f64> {
 }
 
 impl Remesh<'_> {
-    /// Length as a part of the length wanted.
+    /// Length as a fraction of the wanted length.
     fn relative_length(&self, a: u32, b: u32) -> f64 {
         let wanted = f64::midpoint(self.wanted[a as usize], self.wanted[b as usize]);
         self.surface.at(a).distance(self.surface.at(b)) / wanted
@@ -116,7 +116,7 @@ impl Remesh<'_> {
         }
     }
 
-    /// Draws two vertices into one, if the surface stays a surface and no triangle turns over.
+    /// Merges two vertices, if the surface stays a surface and no triangle flips.
     fn collapse(&mut self, a: u32, b: u32) {
         let (seam_a, seam_b) = (self.seam[a as usize], self.seam[b as usize]);
         let (kept, gone) = if seam_b && !seam_a { (b, a) } else { (a, b) };
@@ -178,7 +178,7 @@ impl Remesh<'_> {
         }
     }
 
-    /// Turns the edge between two triangles if it is not Delaunay and the surface bends little there.
+    /// Flips the edge between two triangles if it is not Delaunay and the surface bends little there.
     fn flip(&mut self, a: u32, b: u32, first: (u32, [u32; 3]), second: (u32, [u32; 3])) {
         let opposite = |t: [u32; 3]| t.into_iter().find(|&v| v != a && v != b);
         let (Some(c), Some(d)) = (opposite(first.1), opposite(second.1)) else { return };
@@ -192,7 +192,7 @@ impl Remesh<'_> {
         if few || both_on_seam || cotangent(c) + cotangent(d) > -0.02 || surface.joined(c, d) {
             return;
         }
-        // The first triangle runs a → b → c or b → a → c; the new ones keep its sense.
+        // The first triangle runs a → b → c or b → a → c; the new ones keep its orientation.
         let runs_ab = (0..3).any(|k| first.1[k] == a && first.1[(k + 1) % 3] == b);
         let (from, to) = if runs_ab { (a, b) } else { (b, a) };
         let new = [[from, d, c], [d, to, c]];

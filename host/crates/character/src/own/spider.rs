@@ -23,7 +23,8 @@ fn at(x: f64, y: f64, z: f64) -> DVec3 {
 
 /// Joints of the four left legs, front leg first: at the body, knee, ankle, tip.
 fn legs() -> [[DVec3; 4]; 4] {
-    // Direction seen from above, radians from +z towards +x; ways outward to knee, ankle and tip; height of the knee.
+    // Direction seen from above, radians from +z towards +x; distances outward to knee, ankle and tip; height of the
+    // knee.
     let leg = |angle: f64, hip: [f64; 2], out: [f64; 3], knee: f64| {
         let (sin, cos) = (libm::sin(angle), libm::cos(angle));
         let base = at(hip[0], 0.290, hip[1]);
@@ -43,7 +44,7 @@ pub(super) fn field() -> Field {
     for joints in legs() {
         let mut group = Group::mirrored(0.03, 0.01);
         for k in 0..3 {
-            // A little belly in the middle of each segment, a little waist at each joint.
+            // Slightly bulging in the middle of each segment, slightly narrowed at each joint.
             let ends = [joints[k], joints[k + 1]];
             let (thick, thin) = (THICKNESS[k], THICKNESS[k + 1]);
             let middle = 0.55 * thick + 0.45 * thin;

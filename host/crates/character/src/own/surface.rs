@@ -1,8 +1,8 @@
-//! A triangle mesh that is being worked on: vertices that know their triangles.
+//! A triangle mesh under construction: vertices with their triangles.
 
 use glam::DVec3;
 
-/// A triangle that is no more.
+/// A removed triangle.
 const GONE: [u32; 3] = [u32::MAX; 3];
 
 /// Positions, triangles, and for every vertex the triangles around it. Removed triangles leave a hole in the list;
@@ -36,7 +36,7 @@ impl Surface {
         (positions, self.living().map(|(_, t)| t.map(|v| renumbered[v as usize])).collect())
     }
 
-    /// Triangles that are there, with their numbers.
+    /// Existing triangles, with their numbers.
     pub(super) fn living(&self) -> impl Iterator<Item = (u32, [u32; 3])> + '_ {
         self.triangles.iter().enumerate().filter(|(_, t)| **t != GONE).map(|(i, t)| (i as u32, *t))
     }
@@ -51,7 +51,7 @@ impl Surface {
         self.around[v as usize].len()
     }
 
-    /// Vertices joined to `v` by an edge, rising.
+    /// Vertices joined to `v` by an edge, ascending.
     pub(super) fn neighbours(&self, v: u32) -> Vec<u32> {
         let mut out: Vec<u32> = self.fan(v).flatten().filter(|&w| w != v).collect();
         out.sort_unstable();
@@ -70,7 +70,7 @@ impl Surface {
         around.filter(|(_, t)| t.contains(&b)).collect()
     }
 
-    /// Every edge once, smaller vertex first, in rising order.
+    /// Every edge once, smaller vertex first, ascending.
     pub(super) fn edges(&self) -> Vec<[u32; 2]> {
         let mut edges: Vec<[u32; 2]> = self
             .living()
@@ -92,7 +92,7 @@ impl Surface {
         (self.at(b) - self.at(a)).cross(self.at(c) - self.at(a))
     }
 
-    /// Draws `gone` into `kept`: their common triangles vanish, the rest of `gone`'s now belong to `kept`.
+    /// Merges `gone` into `kept`: their common triangles vanish, the rest of `gone`'s now belong to `kept`.
     pub(super) fn merge(&mut self, kept: u32, gone: u32) {
         for t in std::mem::take(&mut self.around[gone as usize]) {
             let corners = self.triangles[t as usize];

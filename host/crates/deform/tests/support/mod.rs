@@ -1,8 +1,8 @@
-//! What the tests of this crate share: real models, synthetic weights, seeded numbers.
+//! Shared by this crate's tests: real models, synthetic weights, seeded numbers.
 
 #![allow(dead_code, reason = "every test file uses a part of this")]
 
-use std::path::PathBuf;
+use armature_test_support::{Volume, read_mesh, read_npy, shared};
 
 pub(crate) struct Dice(pub(crate) u64);
 
@@ -18,60 +18,28 @@ impl Dice {
     }
 }
 
-fn shared(path: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../../shared").join(path)
-}
-
-/// The tetrahedral hand: 7,234 vertices, 29,998 tetrahedra. Reads the sections of a Medit file that it has.
-pub(crate) fn hand() -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
-    let text = std::fs::read_to_string(shared("data/hand.mesh")).unwrap();
-    let mut words = text.split_whitespace();
-    let (mut positions, mut tetrahedra) = (Vec::new(), Vec::new());
-    while let Some(word) = words.next() {
-        let mut number = || words.next().unwrap().parse::<f64>().unwrap();
-        match word {
-            "Vertices" => {
-                for _ in 0..number() as usize {
-                    positions.push([number(), number(), number()]);
-                    number();
-                }
-            }
-            "Tetrahedra" => {
-                for _ in 0..number() as usize {
-                    tetrahedra.push([0; 4].map(|_| number() as u32 - 1));
-                    number();
-                }
-            }
-            _ => {}
-        }
-    }
-    (positions, tetrahedra)
+/// The tetrahedral hand: 7,234 vertices, 29,998 tetrahedra.
+pub(crate) fn hand() -> Option<Volume> {
+    shared("hand.mesh").map(|path| read_mesh(&path))
 }
 
 /// The hand's bounded biharmonic weights, n×20, rows summing to one.
-pub(crate) fn hand_weights() -> Vec<f64> {
-    let bytes = std::fs::read(shared("reference/hand-bbw-w.npy")).unwrap();
-    let header = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    let text = String::from_utf8_lossy(&bytes[10..10 + header]);
-    assert!(text.contains("<f8") && text.contains("(7234, 20)"), "{text}");
-    let values = bytes[10 + header..].as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b));
-    let values: Vec<f64> = values.map(|w| if w > 1e-5 { w } else { 0.0 }).collect();
+pub(crate) fn hand_weights() -> Option<Vec<f64>> {
+    let read = read_npy(&shared("../reference/hand-bbw-w.npy")?);
+    assert_eq!((read.columns, read.values.len()), (20, 7234 * 20));
     let at = |vertex: usize, handle: usize| {
-        if text.contains("'fortran_order': True") {
-            values[handle * 7234 + vertex]
-        } else {
-            values[vertex * 20 + handle]
-        }
+        let weight = read.values[handle * 7234 + vertex];
+        if weight > 1e-5 { weight } else { 0.0 }
     };
     let mut weights = Vec::new();
     for vertex in 0..7234 {
         let sum: f64 = (0..20).map(|h| at(vertex, h)).sum();
         weights.extend((0..20).map(|h| at(vertex, h) / sum));
     }
-    weights
+    Some(weights)
 }
 
-/// Where a handle's weights are the largest: a place to hold it by.
+/// Where a handle's weights are largest: a place to hold it by.
 pub(crate) fn middle_of_handles(positions: &[[f64; 3]], weights: &[f64], count: usize) -> Vec<[f64; 3]> {
     let middle = |handle: usize| {
         let mut sum = [0.0; 4];
@@ -112,7 +80,7 @@ pub(crate) fn bar(n: [usize; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
     (positions, tetrahedra)
 }
 
-/// The triangles that only one tetrahedron has, facing outwards or not.
+/// The triangles that belong to only one tetrahedron, facing outwards or not.
 pub(crate) fn boundary(tetrahedra: &[[u32; 4]]) -> Vec<[u32; 3]> {
     let mut faces: Vec<([u32; 3], [u32; 3])> = Vec::new();
     for &[a, b, c, d] in tetrahedra {

@@ -1,19 +1,19 @@
-//! The two kinds of bus behind one set of words: requests, answers, registers and the time that bytes take.
+//! Both kinds of bus behind one interface: requests, answers, registers and the time that bytes take.
 
 use std::time::Duration;
 
-use super::arm::{COUNTS_PER_TURN, ServoProtocol};
 use super::packet::{PacketCounters, Status};
 use super::{dynamixel, feetech};
+use crate::arm::{COUNTS_PER_TURN, ServoProtocol};
 
 /// How the positions of several servos are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReadMode {
-    /// One request, one common answer (Dynamixel only).
+    /// One request, one combined answer (Dynamixel only).
     Fast,
     /// One request, one answer from each.
     Sync,
-    /// A request and an answer for each.
+    /// One request and one answer for each.
     Single,
 }
 
@@ -37,12 +37,12 @@ pub(super) struct Registers {
     pub(super) position_length: u16,
     /// Registers below this keep their value without power and wear out.
     pub(super) ram_begins: u16,
-    /// Has to be 0 before those can be written.
+    /// Must be 0 before those registers can be written.
     pub(super) lock: Option<u16>,
     pub(super) light: Option<u16>,
 }
 
-/// Microseconds for one unit of the return delay, on both buses.
+/// Microseconds per unit of return delay, on both buses.
 pub(super) const RETURN_DELAY_UNIT_MICROS: u32 = 2;
 
 impl ServoProtocol {
@@ -96,7 +96,7 @@ impl ServoProtocol {
         }
     }
 
-    /// Bytes of the answers to a read of this much data from so many servos.
+    /// Bytes of the answers to a read of this much data from this many servos.
     pub(super) const fn answer_length(self, mode: ReadMode, servos: usize, data_length: usize) -> usize {
         match (self, mode) {
             (Self::Feetech, _) => servos * (feetech::STATUS_OVERHEAD + data_length),
@@ -107,7 +107,7 @@ impl ServoProtocol {
         }
     }
 
-    /// Where in its turn a servo stands, from the status of a position read.
+    /// A servo's position within its turn, from the status of a position read.
     pub(super) fn counts(self, status: &Status) -> Option<u16> {
         let position = match self {
             Self::Feetech => feetech::signed_magnitude(status.word()?),
@@ -116,7 +116,7 @@ impl ServoProtocol {
         Some(position.rem_euclid(COUNTS_PER_TURN as i32) as u16)
     }
 
-    /// Whether a status says that the request failed, so that its data mean nothing.
+    /// Whether a status reports that the request failed, so that its data mean nothing.
     pub(super) const fn failed(self, error: u8) -> bool {
         match self {
             Self::Feetech => false,
@@ -124,7 +124,7 @@ impl ServoProtocol {
         }
     }
 
-    /// What a servo's error says; `None` for nothing.
+    /// A servo's error in words; `None` if there is none.
     pub(super) fn complaint(self, error: u8) -> Option<String> {
         let bits: &[(u8, &str)] = match self {
             Self::Feetech => &[
@@ -146,8 +146,8 @@ pub(super) fn on_wire(bytes: usize, baud: u32) -> Duration {
     Duration::from_nanos(bytes as u64 * 10_000_000_000 / u64::from(baud.max(1)))
 }
 
-/// The most readings of all servos in a second that the wire allows: request and answers follow each other without a
-/// pause, except for the time that each servo waits before it answers, µs.
+/// The most readings of all servos per second that the wire allows: request and answers follow each other without a
+/// pause, except for the time, µs, that each servo waits before it answers.
 pub fn wire_bound_hertz(protocol: ServoProtocol, mode: ReadMode, baud: u32, return_delays_micros: &[u32]) -> f64 {
     let count = return_delays_micros.len();
     if count == 0 {
@@ -160,7 +160,7 @@ pub fn wire_bound_hertz(protocol: ServoProtocol, mode: ReadMode, baud: u32, retu
         ReadMode::Fast | ReadMode::Sync => protocol.read_positions(mode, &ids).len(),
     };
     let bytes = request + protocol.answer_length(mode, count, data);
-    // In a common answer only the first servo waits.
+    // In a combined answer only the first servo waits.
     let waits = if mode == ReadMode::Fast { 1 } else { count };
     let waited: u64 = return_delays_micros[..waits].iter().map(|&micros| u64::from(micros)).sum();
     1.0 / (on_wire(bytes, baud) + Duration::from_micros(waited)).as_secs_f64()

@@ -6,16 +6,16 @@
 //! fast     FF FF FD 00 FE LENlo LENhi 55 then for each servo {ERR ID D.. CRClo CRChi}
 //! ```
 //!
-//! The CRC (polynomial 8005, no reflection, start 0) is over all bytes before it, as they stand on the wire. Behind the
-//! instruction every FF FF FD is written FF FF FD FD. The answer to a fast sync read is written by several servos one
-//! after the other and its length is fixed by the first, so nothing in it is stuffed; each servo's CRC is over all
-//! that stands before it, so that a piece can be trusted although a later servo fell silent.
+//! The CRC (polynomial 8005, no reflection, initial value 0) covers all bytes before it, as sent on the wire. After the
+//! instruction, every FF FF FD is written FF FF FD FD. The answer to a fast sync read is written by several servos one
+//! after another and its length is fixed by the first, so nothing in it is stuffed; each servo's CRC covers everything
+//! before it, so a piece can be trusted even if a later servo stayed silent.
 
 use super::packet::{PacketCounters, Status};
 
 /// All servos.
 pub const BROADCAST: u8 = 0xFE;
-/// Longest packet that is waited for, bytes.
+/// Longest accepted packet, bytes.
 pub const MAX_PACKET: usize = 1_024;
 
 const PING: u8 = 0x01;
@@ -25,15 +25,15 @@ const SYNC_READ: u8 = 0x82;
 const FAST_SYNC_READ: u8 = 0x8A;
 const STATUS: u8 = 0x55;
 const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
-/// Bytes in front of the instruction: header, id, length.
+/// Bytes before the instruction: header, id, length.
 const FRONT: usize = 7;
 /// Bytes around the data of a status: header, id, length, instruction, error, CRC.
 pub(super) const STATUS_OVERHEAD: usize = 11;
-/// Bytes in front of the first piece of a fast answer, and around the data of each piece.
+/// Bytes before the first piece of a fast answer, and around the data of each piece.
 pub(super) const FAST_FRONT: usize = 8;
 pub(super) const PIECE_OVERHEAD: usize = 4;
 
-/// CRC-16 with polynomial 8005, no reflection, start and final exclusive-or 0.
+/// CRC-16 with polynomial 8005, no reflection, initial value and final exclusive-or 0.
 pub fn checksum(bytes: &[u8]) -> u16 {
     static TABLE: [u16; 256] = table();
     bytes.iter().fold(0, |crc: u16, &byte| (crc << 8) ^ TABLE[usize::from((crc >> 8) as u8 ^ byte)])
@@ -55,7 +55,7 @@ const fn table() -> [u16; 256] {
     table
 }
 
-/// A packet with any instruction. Parameters beyond what a packet holds are cut off.
+/// A packet with any instruction. Parameters that do not fit in a packet are cut off.
 pub fn request(id: u8, instruction: u8, parameters: &[u8]) -> Vec<u8> {
     let parameters = &parameters[..parameters.len().min(MAX_PACKET / 2)];
     let mut packet = HEADER.to_vec();
@@ -88,29 +88,29 @@ pub fn write(id: u8, address: u16, data: &[u8]) -> Vec<u8> {
     request(id, WRITE, &[&address.to_le_bytes(), data].concat())
 }
 
-/// Reads the same registers of several servos; each answers with a status of its own, in this order.
+/// Reads the same registers of several servos; each answers with its own status, in this order.
 pub fn sync_read(ids: &[u8], address: u16, length: u16) -> Vec<u8> {
     request(BROADCAST, SYNC_READ, &[&address.to_le_bytes(), &length.to_le_bytes(), ids].concat())
 }
 
-/// Reads the same registers of several servos; they answer with one status together.
+/// Reads the same registers of several servos; they answer with one combined status.
 pub fn fast_sync_read(ids: &[u8], address: u16, length: u16) -> Vec<u8> {
     request(BROADCAST, FAST_SYNC_READ, &[&address.to_le_bytes(), &length.to_le_bytes(), ids].concat())
 }
 
-/// Bytes that a request takes up when nothing in it is stuffed.
+/// Bytes in a request when nothing in it is stuffed.
 pub(super) const fn request_length(parameters: usize) -> usize {
     FRONT + 1 + parameters + 2
 }
 
-/// Finds statuses in a stream of bytes, and finds back after garbage. Echoes of requests are skipped.
+/// Finds statuses in a stream of bytes, and resynchronises after garbage. Echoes of requests are skipped.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     buffer: Vec<u8>,
     longest: usize,
     /// Data bytes of each piece, while a fast answer is awaited.
     piece: Option<usize>,
-    /// Statuses found but not yet handed on, last first.
+    /// Statuses found but not yet returned, last first.
     ready: Vec<Status>,
     counters: PacketCounters,
 }
@@ -128,31 +128,32 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// What has been counted so far.
+    /// The counters so far.
     pub fn counters(&self) -> PacketCounters {
         self.counters
     }
 
-    /// How much data the longest status awaited has. A header that promises more is garbage, and nothing is waited for.
+    /// Data length of the longest expected status. A header that announces more is garbage and is not waited for.
     pub fn expect(&mut self, data_length: usize) {
-        // Three bytes of data may have to be stuffed with a fourth. An echo of the request may be longer than the answer.
+        // Three bytes of data may have to be stuffed with a fourth. An echo of the request may be longer than the
+        // answer.
         self.longest = (data_length + data_length / 3 + STATUS_OVERHEAD).clamp(64, MAX_PACKET);
         self.piece = None;
     }
 
-    /// A fast answer of this many servos with this much data each is awaited.
+    /// Expects a fast answer from this many servos with this much data each.
     pub fn expect_fast(&mut self, servos: usize, data_length: usize) {
         let answer = FAST_FRONT + servos * (PIECE_OVERHEAD + data_length);
         self.longest = answer.max(request_length(servos + 4)).clamp(64, MAX_PACKET);
         self.piece = Some(data_length);
     }
 
-    /// Takes bytes as they come.
+    /// Takes bytes as they arrive.
     pub fn receive(&mut self, bytes: &[u8]) {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// The next status; `None` until more bytes come. The pieces of a fast answer come as statuses of their own.
+    /// The next status; `None` until more bytes arrive. The pieces of a fast answer are returned as separate statuses.
     pub fn next_status(&mut self) -> Option<Status> {
         loop {
             if let Some(status) = self.ready.pop() {
@@ -171,7 +172,7 @@ impl Decoder {
         }
     }
 
-    /// Skips to a header; the length of its packet once that is complete.
+    /// Skips to a header; returns the length of its packet once that is complete.
     fn packet_in_front(&mut self) -> Option<usize> {
         loop {
             let starts = |at: usize| HEADER.iter().zip(&self.buffer[at..]).all(|(a, b)| a == b);
@@ -189,7 +190,7 @@ impl Decoder {
         }
     }
 
-    /// Takes a packet without its CRC, which held.
+    /// Takes a packet without its CRC, which was correct.
     fn take_packet(&mut self, packet: &[u8]) {
         if packet[FRONT] != STATUS {
             // The echo of a request.
@@ -198,7 +199,7 @@ impl Decoder {
         match self.piece {
             Some(data_length) if packet[4] == BROADCAST => {
                 let pieces = packet[FAST_FRONT..].chunks(data_length + PIECE_OVERHEAD);
-                // The last piece's CRC is that of the packet, which is cut off here.
+                // The last piece's CRC is the packet's, which is cut off here.
                 let statuses = pieces.filter(|piece| piece.len() >= data_length + 2).map(|piece| Status {
                     id: piece[1],
                     error: piece[0],
@@ -216,9 +217,9 @@ impl Decoder {
         self.counters.packets += self.ready.len() as u64;
     }
 
-    /// Nothing more comes: gives up the packet that was waited for, so that those behind its header are found. What a
-    /// fast answer holds in front of the place where it broke off is kept if its own CRC holds.
-    /// Call [`next_status`](Self::next_status) afterwards; returns whether anything is left to look at.
+    /// Nothing more will arrive: gives up the pending packet, so that packets after its header are found. The pieces of
+    /// a fast answer before the point where it broke off are kept if their own CRCs are correct. Call
+    /// [`next_status`](Self::next_status) afterwards; returns whether anything is left to parse.
     pub fn give_up_waiting(&mut self) -> bool {
         if let Some(data_length) = self.piece
             && self.buffer.len() > FAST_FRONT
@@ -247,7 +248,7 @@ impl Decoder {
         !self.buffer.is_empty()
     }
 
-    /// Forgets what is half received, counting it as garbage.
+    /// Discards any partly received packet, counting it as garbage.
     pub fn reset(&mut self) {
         self.discard(self.buffer.len());
         self.ready.clear();

@@ -5,8 +5,8 @@
 //! status   FF FF ID LEN ERR  D1..Dn SUM    SUM = !(ID + LEN + .. + last) & FF
 //! ```
 //!
-//! Words are little-endian (the SCS series, which is big-endian, is told apart by its model number). A request and a
-//! status look the same, so adapters that echo what is sent have to be known to the caller.
+//! Words are little-endian (the SCS series, which is big-endian, is recognised by its model number). A request and a
+//! status look the same, so the caller has to know whether the adapter echoes what is sent.
 
 use super::packet::{PacketCounters, Status};
 
@@ -22,7 +22,7 @@ const SYNC_READ: u8 = 0x82;
 /// Bytes around the data of a status: header, id, length, error, sum.
 pub(super) const STATUS_OVERHEAD: usize = 6;
 
-/// A request with any instruction. Parameters beyond what a packet holds are cut off.
+/// A request with any instruction. Parameters that do not fit in a packet are cut off.
 pub fn request(id: u8, instruction: u8, parameters: &[u8]) -> Vec<u8> {
     let parameters = &parameters[..parameters.len().min(MAX_PACKET - STATUS_OVERHEAD)];
     let mut packet = vec![0xFF, 0xFF, id, parameters.len() as u8 + 2, instruction];
@@ -46,7 +46,7 @@ pub fn write(id: u8, address: u8, data: &[u8]) -> Vec<u8> {
     request(id, WRITE, &[&[address], data].concat())
 }
 
-/// Reads the same registers of several servos; each answers with a status of its own, in this order.
+/// Reads the same registers of several servos; each answers with its own status, in this order.
 pub fn sync_read(ids: &[u8], address: u8, length: u8) -> Vec<u8> {
     request(BROADCAST, SYNC_READ, &[&[address, length], ids].concat())
 }
@@ -61,7 +61,7 @@ fn sum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0_u8, |sum, &byte| sum.wrapping_add(byte))
 }
 
-/// Finds statuses in a stream of bytes, and finds back after garbage.
+/// Finds statuses in a stream of bytes, and resynchronises after garbage.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     buffer: Vec<u8>,
@@ -76,22 +76,22 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// What has been counted so far.
+    /// The counters so far.
     pub fn counters(&self) -> PacketCounters {
         self.counters
     }
 
-    /// How much data the longest status awaited has. A header that promises more is garbage, and nothing is waited for.
+    /// Data length of the longest expected status. A header that announces more is garbage and is not waited for.
     pub fn expect(&mut self, data_length: usize) {
         self.longest = (data_length + STATUS_OVERHEAD).min(MAX_PACKET);
     }
 
-    /// Takes bytes as they come.
+    /// Takes bytes as they arrive.
     pub fn receive(&mut self, bytes: &[u8]) {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// The next status; `None` until more bytes come.
+    /// The next status; `None` until more bytes arrive.
     pub fn next_status(&mut self) -> Option<Status> {
         loop {
             let skipped = self.buffer.iter().position(|&byte| byte == 0xFF).unwrap_or(self.buffer.len());
@@ -133,14 +133,14 @@ impl Decoder {
         }
     }
 
-    /// Nothing more comes: gives up the packet that was waited for, so that those behind its header are found.
-    /// Call [`next_status`](Self::next_status) afterwards; returns whether anything is left to look at.
+    /// Nothing more will arrive: gives up the pending packet, so that packets after its header are found. Call
+    /// [`next_status`](Self::next_status) afterwards; returns whether anything is left to parse.
     pub fn give_up_waiting(&mut self) -> bool {
         self.discard(1);
         !self.buffer.is_empty()
     }
 
-    /// Forgets what is half received, counting it as garbage.
+    /// Discards any partly received packet, counting it as garbage.
     pub fn reset(&mut self) {
         self.discard(self.buffer.len());
     }

@@ -5,9 +5,9 @@
 pub struct Status {
     /// Which servo.
     pub id: u8,
-    /// What it complains of, as its bus defines it; 0 for nothing.
+    /// Its error, as its bus defines it; 0 for none.
     pub error: u8,
-    /// The registers asked for.
+    /// The registers that were read.
     pub data: Vec<u8>,
 }
 
@@ -23,7 +23,7 @@ impl Status {
     }
 }
 
-/// What a decoder has counted since it began.
+/// A decoder's counters since it was created.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PacketCounters {
     /// Statuses that passed every check.

@@ -9,7 +9,7 @@ use armature_device::{DeviceNotice, DeviceProblem, Event, PartKind, Sample, Sens
 use armature_sim::servo::{BusKind, ServoBus, ServoBusSettings, SimulatedServo};
 use armature_sim::{Faults, SensorFault};
 
-/// Nobody looks at the clock more often than this when nothing is due, ns.
+/// The clock is checked at most this often when nothing is due, ns.
 const LONGEST_STEP: u64 = 20_000_000;
 
 pub(crate) struct World {
@@ -75,14 +75,14 @@ impl World {
         self.samples().filter(inside).count() as f64 / (to - from)
     }
 
-    /// Every reading that is said to be good is where the servo stood within the last 80 ms; returns how many there are.
+    /// Every reading marked good is where the servo was within the last 80 ms; returns how many there are.
     pub(crate) fn assert_readings_are_true(&self) -> usize {
         let mut good = 0;
         let mut last_micros = None;
         for sample in self.samples() {
             assert_eq!((sample.counts.len(), sample.states.len()), (self.ids, self.ids));
             let moved_on = sample.sequence == 0 || last_micros.is_none_or(|last| sample.device_micros > last);
-            assert!(moved_on, "time goes on");
+            assert!(moved_on, "time must advance");
             last_micros = Some(sample.device_micros);
             for servo in 0..self.ids {
                 if sample.states[servo] != SensorState::Ok {
@@ -107,7 +107,7 @@ pub(crate) fn faults(sensors: Vec<SensorFault>) -> Faults {
     Faults { sensors, ..Faults::default() }
 }
 
-/// Sixteen servos at 1 Mbaud, and the arm that they are.
+/// Sixteen servos at 1 Mbaud, as an arm.
 pub(crate) fn sixteen(kind: BusKind) -> (ServoBusSettings, ServoArm) {
     let (protocol, model) = match kind {
         BusKind::Feetech => (ServoProtocol::Feetech, 777),

@@ -18,7 +18,7 @@ pub(crate) fn part(kind: PartKind, parent: Option<u16>, outlet: u8, number: u8) 
     Part { kind, sensor_count, outlet, outlet_count, parent, uid: PartUid([number; 12]), counts_per_turn }
 }
 
-/// A splitter and so many three-axis joints: five on the splitter, the others in a chain on the last one.
+/// A splitter and this many three-axis joints: five on the splitter, the others in a chain on the last one.
 pub(crate) fn puppet(joints: u8) -> Vec<Part> {
     let joint = |number: u8| {
         let (parent, outlet) = if number < 5 { (0, number) } else { (u16::from(number), 0) };
@@ -27,12 +27,13 @@ pub(crate) fn puppet(joints: u8) -> Vec<Part> {
     std::iter::once(part(PartKind::Splitter, None, 0, 0)).chain((0..joints).map(joint)).collect()
 }
 
-/// A device that keeps to the protocol, except where a test tells it otherwise.
+/// A device that follows the protocol, except where a test makes it deviate.
 pub(crate) struct FakeDevice {
     decoder: Decoder<64>,
     out: Vec<u8>,
     pub(crate) uid: PartUid,
     pub(crate) major: u8,
+    pub(crate) name: &'static str,
     pub(crate) parts: Vec<Part>,
     pub(crate) epoch: u16,
     pub(crate) booted: Duration,
@@ -47,8 +48,10 @@ pub(crate) struct FakeDevice {
     pub(crate) heard: Vec<HostMessage>,
     /// The epoch that its samples claim, where that is another one than its tree's.
     pub(crate) claimed_epoch: Option<u16>,
-    /// Every so many samples its clock jumps back by a second.
-    pub(crate) clock_jumps_every: Option<u32>,
+    /// What its clock shows for a sample of this number at this true time, microseconds.
+    pub(crate) clock: fn(u32, u64) -> u64,
+    /// Sensors that its samples have beyond those of its tree, in every n-th of them.
+    pub(crate) extra_sensor_every: Option<u32>,
     /// Every sequence number it has taken a sample for since the last start.
     pub(crate) taken: u32,
 }
@@ -60,6 +63,7 @@ impl FakeDevice {
             out: Vec::new(),
             uid: UID,
             major: 1,
+            name: "fake",
             parts,
             epoch: 1,
             booted: Duration::ZERO,
@@ -72,7 +76,8 @@ impl FakeDevice {
             refuses: Vec::new(),
             heard: Vec::new(),
             claimed_epoch: None,
-            clock_jumps_every: None,
+            clock: |_, micros| micros,
+            extra_sensor_every: None,
             taken: 0,
         }
     }
@@ -90,7 +95,8 @@ impl FakeDevice {
     }
 
     pub(crate) fn hello(&mut self) {
-        let (protocol_major, max_rate_millihertz, uid) = (self.major, self.max_rate_millihertz, self.uid);
+        let (protocol_major, max_rate_millihertz, uid, name) =
+            (self.major, self.max_rate_millihertz, self.uid, self.name);
         self.say(&Hello {
             protocol_major,
             protocol_minor: 0,
@@ -98,11 +104,11 @@ impl FakeDevice {
             firmware: [1, 2, 3],
             uid,
             max_rate_millihertz,
-            name: "fake",
+            name,
         });
     }
 
-    /// Power off and on: the clock and the numbers begin anew.
+    /// Power off and on: the clock and the numbers start over.
     pub(crate) fn restart(&mut self, now: Duration) {
         self.booted = now;
         self.streaming = false;
@@ -165,6 +171,9 @@ impl FakeDevice {
                 let micros = now.saturating_sub(self.booted).as_micros() as u64;
                 self.say(&Pong { token, received_micros: micros, sent_micros: micros });
             }
+            HostMessage::Label { .. } => {
+                self.say(&Refuse { request: message_type::LABEL, reason: RefusalReason::UnknownRequest });
+            }
             HostMessage::Blink { uid, .. } => {
                 if self.parts.iter().any(|part| part.uid == uid) {
                     self.say(&Acknowledge { request: message_type::BLINK });
@@ -178,13 +187,14 @@ impl FakeDevice {
     /// Takes the samples that are due.
     pub(crate) fn step(&mut self, now: Duration) {
         while self.streaming && self.next_sample <= now {
-            let sensors = self.parts.iter().map(|part| usize::from(part.sensor_count)).sum();
             let sequence = self.sequence;
+            let extra = self.extra_sensor_every.is_some_and(|every| sequence % every == every - 1);
+            let sensors =
+                self.parts.iter().map(|part| usize::from(part.sensor_count)).sum::<usize>() + usize::from(extra);
             let counts: Vec<u16> = (0..sensors).map(|sensor| expected_count(sequence, sensor)).collect();
-            let jumps = self.clock_jumps_every.map_or(0, |every| sequence / every);
             let clock = self.next_sample.saturating_sub(self.booted).as_micros() as u64;
             let message = SampleMessage {
-                device_micros: clock.saturating_sub(u64::from(jumps) * 1_000_000),
+                device_micros: (self.clock)(sequence, clock),
                 sequence,
                 epoch: self.claimed_epoch.unwrap_or(self.epoch),
                 counts: &counts,

@@ -1,4 +1,4 @@
-//! A device in a thread of its own, on a real line.
+//! A device in its own thread, on a real line.
 
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::common::FakeDevice;
 
-/// A device that runs in a thread of its own until it is unplugged.
+/// A device that runs in its own thread until it is unplugged.
 pub(crate) struct Served {
     unplugged: Arc<AtomicBool>,
     thread: JoinHandle<FakeDevice>,
@@ -40,6 +40,9 @@ impl Served {
                         Err(_) => return device,
                     }
                 }
+                if line.flush().is_err() {
+                    return device;
+                }
             }
             device
         });
@@ -57,7 +60,7 @@ impl Served {
     }
 }
 
-/// Opens a pseudo terminal in raw mode: the side of the device, a file that keeps the other side open, its path.
+/// Opens a pseudo-terminal in raw mode: the device's side, a file that keeps the other side open, and its path.
 pub(crate) fn pseudo_terminal() -> (std::fs::File, std::fs::File, String) {
     use nix::fcntl::{FcntlArg, OFlag, fcntl};
     use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};

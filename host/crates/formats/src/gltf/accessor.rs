@@ -7,28 +7,34 @@ use gltf_json::{Index, accessor::sparse::Sparse};
 use super::container::Document;
 use crate::FormatError;
 
-/// Most elements of an array that has no bytes of its own (a sparse one).
+/// Most elements of an array without bytes of its own (a sparse one).
 pub(super) const MAX_ELEMENTS: usize = 1 << 24;
 
 impl Document<'_> {
-    /// An array of `N` floats an element; integers are normalised if the accessor says so. All are finite.
+    /// An array of `N` floats per element; integers are normalised if the accessor says so. All values are finite.
     pub(super) fn floats<const N: usize>(&self, index: Index<Accessor>) -> Result<Vec<[f32; N]>, FormatError> {
-        let accessor = self.get(&self.root.accessors, index, "accessor")?;
-        let values = self.components(index, accessor, N, |kind, bytes| float(kind, bytes, accessor.normalized))?;
-        if let Some(bad) = values.iter().position(|v| !v.is_finite()) {
-            let what = format!("accessor {}, element {}: not a finite number", index.value(), bad / N);
+        let values = self.any_floats::<N>(index)?;
+        if let Some(bad) = values.iter().position(|element| !element.iter().all(|v| v.is_finite())) {
+            let what = format!("accessor {}, element {bad}: not a finite number", index.value());
             return Err(FormatError::whole(self.file, what, "Repair the model or export it again"));
         }
+        Ok(values)
+    }
+
+    /// Likewise, but the numbers need not be finite: for attributes that the shape does not depend on.
+    pub(super) fn any_floats<const N: usize>(&self, index: Index<Accessor>) -> Result<Vec<[f32; N]>, FormatError> {
+        let accessor = self.get(&self.root.accessors, index, "accessor")?;
+        let values = self.components(index, accessor, N, |kind, bytes| float(kind, bytes, accessor.normalized))?;
         Ok(values.chunks_exact(N).map(|c| std::array::from_fn(|k| c[k])).collect())
     }
 
-    /// An array of `N` whole numbers an element.
+    /// An array of `N` whole numbers per element.
     pub(super) fn integers<const N: usize>(&self, index: Index<Accessor>) -> Result<Vec<[u32; N]>, FormatError> {
         let accessor = self.get(&self.root.accessors, index, "accessor")?;
         if let Checked::Valid(kind) = accessor.component_type
             && !matches!(kind.0, ComponentType::U8 | ComponentType::U16 | ComponentType::U32)
         {
-            return Err(self.error(format!("accessor {} has to hold whole numbers", index.value())));
+            return Err(self.error(format!("accessor {} must hold whole numbers", index.value())));
         }
         let values = self.components(index, accessor, N, integer)?;
         Ok(values.chunks_exact(N).map(|c| std::array::from_fn(|k| c[k])).collect())
@@ -54,7 +60,7 @@ impl Document<'_> {
         let kind = kind.0;
         // Columns of small 2×2 and 3×3 matrices are padded; nothing we read is one.
         if shape.multiplicity() != width || matches!(shape, Type::Mat2 | Type::Mat3) {
-            return Err(error(&format!("has elements of another size than the {width} numbers that belong there")));
+            return Err(error(&format!("has elements of the wrong size: {width} numbers are needed")));
         }
         let count = usize::try_from(accessor.count.0).map_err(|_| error("is too long"))?;
         let element = kind.size() * width;
@@ -76,7 +82,7 @@ impl Document<'_> {
             }
         } else {
             if count > MAX_ELEMENTS {
-                return Err(error(&format!("announces {count} elements and has no bytes")));
+                return Err(error(&format!("announces {count} elements but has no bytes")));
             }
             out = vec![T::default(); count * width];
         }
@@ -96,7 +102,7 @@ impl Document<'_> {
         read: &impl Fn(ComponentType, &[u8]) -> T,
     ) -> Result<(), String> {
         let Checked::Valid(index_kind) = sparse.indices.component_type else {
-            return Err("has sparse indices of no valid type".to_owned());
+            return Err("has sparse indices of an invalid type".to_owned());
         };
         let (indices, _) = self.view(sparse.indices.buffer_view).map_err(|e| e.what)?;
         let (values, _) = self.view(sparse.values.buffer_view).map_err(|e| e.what)?;
@@ -113,7 +119,7 @@ impl Document<'_> {
         for (index, value) in indices.zip(values) {
             let index = integer(index_kind.0, index) as usize;
             let element = index.checked_mul(width).and_then(|at| out.get_mut(at..at + width));
-            let element = element.ok_or_else(|| format!("overrides element {index}, which it has not"))?;
+            let element = element.ok_or_else(|| format!("overrides element {index}, which does not exist"))?;
             for (slot, component) in element.iter_mut().zip(value.chunks_exact(kind.size())) {
                 *slot = read(kind, component);
             }

@@ -1,18 +1,19 @@
-//! Animations to motion at a constant rate.
+//! From animations to motion at a constant rate.
 
 use armature_rig::{Motion, Pose, Transform};
-use glam::{DQuat, DVec3, DVec4};
+use glam::{DAffine3, DQuat, DVec3, DVec4};
 use gltf_json::animation::{Animation, Interpolation, Property};
 use gltf_json::validation::Checked;
 
 use super::accessor::MAX_ELEMENTS;
 use super::container::Document;
 use super::nodes::{Local, Nodes, unit, worlds};
-use super::skin::{Rig, decompose};
+use super::skin::Rig;
 use crate::FormatError;
-use crate::names::UniqueNames;
+use crate::skeleton::frames::decompose;
+use crate::text::names::UniqueNames;
 
-/// Frames are at most this far apart, so that turns between far keys keep their path.
+/// Frames are at most this far apart, so that rotations between distant keys keep their path.
 const LONGEST_FRAME_SECONDS: f64 = 1.0 / 24.0;
 /// Frames are at least this far apart, however close two keys are.
 const SHORTEST_FRAME_SECONDS: f64 = 1.0 / 240.0;
@@ -24,14 +25,14 @@ struct Track {
     property: Property,
     interpolation: Interpolation,
     times: Vec<f64>,
-    /// A value a key, or in-tangent, value, out-tangent for cubic splines.
+    /// One value per key, or in-tangent, value, out-tangent for cubic splines.
     values: Vec<DVec4>,
 }
 
 /// All animations that move the rig, with unique names; one that cannot be used becomes a warning.
 ///
-/// A motion starts at the animation's first key. Its frames are as far apart as the animation's closest keys, or an
-/// even part of that, so that evenly spaced keys fall on frames; the last key is the last frame.
+/// A motion starts at the animation's first key. Its frame spacing is that of the animation's closest keys, or an even
+/// fraction of it, so that evenly spaced keys fall on frames; the last key is the last frame.
 pub(super) fn read_motions(
     document: &Document,
     nodes: &Nodes,
@@ -44,12 +45,12 @@ pub(super) fn read_motions(
         let name = names.give(animation.name.as_deref().unwrap_or_default(), &format!("animation_{}", index + 1));
         let tracks = tracks(document, animation, warnings)?;
         if tracks.is_empty() {
-            warnings.push(format!("The animation {name} moves no bone and is left out."));
+            warnings.push(format!("The animation {name} moves no bone and is ignored."));
             continue;
         }
         match resample(nodes, rig, &tracks) {
             Ok(motion) => motions.push((name, motion)),
-            Err(why) => warnings.push(format!("The animation {name} is left out: {why}.")),
+            Err(why) => warnings.push(format!("The animation {name} is ignored: {why}.")),
         }
     }
     Ok(motions)
@@ -82,11 +83,11 @@ fn tracks(document: &Document, animation: &Animation, warnings: &mut Vec<String>
         let times: Vec<f64> = document.floats::<1>(sampler.input)?.into_iter().map(|[t]| f64::from(t)).collect();
         let per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         if times.is_empty() || values.len() != times.len() * per_key {
-            let what = format!("an animation has {} keys and {} values", times.len(), values.len());
+            let what = format!("an animation has {} keys but {} values", times.len(), values.len());
             return Err(document.error(what));
         }
         if times.windows(2).any(|w| w[1] <= w[0]) {
-            return Err(document.error("the keys of an animation are not in the order of their times"));
+            return Err(document.error("the keys of an animation are not in time order"));
         }
         out.push(Track { node: channel.target.node.value(), property, interpolation, times, values });
     }
@@ -106,7 +107,7 @@ fn resample(nodes: &Nodes, rig: &Rig, tracks: &[Track]) -> Result<Motion, String
     if (steps + 1.0) * rig.skeleton.len() as f64 > MAX_ELEMENTS as f64 {
         return Err(format!("it lasts {} s", end - start));
     }
-    // Rounding the number of frames and not their length keeps the last key the last frame.
+    // Rounding the number of frames instead of their length keeps the last key on the last frame.
     let step = if steps > 0.0 { (end - start) / steps } else { step };
     let frames: Vec<Pose> =
         (0..=steps as usize).map(|frame| pose(nodes, rig, tracks, start + frame as f64 * step)).collect();
@@ -117,6 +118,8 @@ fn pose(nodes: &Nodes, rig: &Rig, tracks: &[Track], time: f64) -> Pose {
     let mut local: Vec<Local> = nodes.local.clone();
     for track in tracks {
         let value = sample(track, time);
+        // What is animated is no longer the matrix that the file gives.
+        local[track.node].whole = None;
         match track.property {
             Property::Translation => local[track.node].translation = value.truncate(),
             Property::Scale => local[track.node].scale = value.truncate(),
@@ -132,18 +135,32 @@ fn pose(nodes: &Nodes, rig: &Rig, tracks: &[Track], time: f64) -> Pose {
     for (bone, &node) in rig.node_of_bone.iter().enumerate() {
         let parent_bone = rig.skeleton.bones()[bone].parent;
         let parent_node = parent_bone.map(|p| rig.node_of_bone[p]);
-        parent_from_bone.push(if parent_node == nodes.parent[node] {
-            // Nothing lies between: the file's own numbers.
+        parent_from_bone.push(if parent_node == nodes.parent[node] && local[node].whole.is_none() {
+            // Nothing in between: the file's own numbers.
             Transform {
                 translation: local[node].translation.as_vec3(),
                 rotation: local[node].rotation.as_quat(),
                 scale: local[node].scale.as_vec3(),
             }
         } else {
-            decompose(parent_node.map_or(world[node], |p| world[p].inverse() * world[node]))
+            decompose(parent_node.map_or(world[node], |p| relative_to(&world, p, node, nodes, &local)))
         });
     }
     Pose { parent_from_bone }
+}
+
+/// `parent_from_node`, also where the parent is scaled to nothing.
+fn relative_to(world: &[DAffine3], parent: usize, node: usize, nodes: &Nodes, local: &[Local]) -> DAffine3 {
+    if world[parent].matrix3.determinant() != 0.0 {
+        return world[parent].inverse() * world[node];
+    }
+    let mut out = DAffine3::IDENTITY;
+    let mut at = Some(node);
+    while let Some(node) = at.filter(|&n| n != parent) {
+        out = local[node].affine() * out;
+        at = nodes.parent[node];
+    }
+    out
 }
 
 fn sample(track: &Track, time: f64) -> DVec4 {

@@ -2,10 +2,14 @@
 
 use std::borrow::Cow;
 
-use gltf_json::{Index, Root, buffer::View};
+use gltf_json::buffer::{Buffer, Stride, View};
+use gltf_json::validation::USize64;
+use gltf_json::{Index, Root, Value};
+use serde::Deserialize;
 
+use crate::FormatError;
+use crate::model::Resolver;
 use crate::text::quoted;
-use crate::{FormatError, Resolver};
 
 pub(super) const EXPORT_AGAIN: &str = "The file may be cut off or damaged; export it again";
 
@@ -14,8 +18,14 @@ pub(crate) const GLB_MAGIC: &[u8] = b"glTF";
 const GLB_HEADER_BYTES: usize = 12;
 const CHUNK_HEADER_BYTES: usize = 8;
 
-/// Extensions that change nothing we read, or that the accessor reader covers.
-const KNOWN_EXTENSIONS: [&str; 9] = [
+/// Extensions that change the shape and are not read.
+const GEOMETRY_EXTENSIONS: [&str; 2] = ["EXT_mesh_gpu_instancing", "KHR_gaussian_splatting"];
+
+/// Extensions that are read, or that do not affect anything we read: no warning.
+const COVERED_EXTENSIONS: [&str; 21] = [
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
     "KHR_lights_punctual",
@@ -25,7 +35,52 @@ const KNOWN_EXTENSIONS: [&str; 9] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_variants",
     "KHR_animation_pointer",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "VRM",
+    "VRMC_vrm",
+    "VRMC_springBone",
+    "VRMC_node_constraint",
+    "VRMC_materials_mtoon",
+    "VRMC_materials_hdr_emissiveMultiplier",
+    "KHR_node_visibility",
 ];
+
+/// Whether an extension says only how a surface looks or what else is in the scene, so that the shape is whole without
+/// it.
+fn is_about_looks(extension: &str) -> bool {
+    let (_, name) = extension.split_once('_').unwrap_or_default();
+    ["materials_", "texture_", "lights_"].iter().any(|about| name.starts_with(about))
+}
+
+/// Enough of a file to tell its version; glTF 1.0 has little else in common.
+#[derive(Deserialize)]
+struct Head {
+    asset: Option<AssetHead>,
+}
+
+#[derive(Deserialize)]
+struct AssetHead {
+    version: Option<serde_json::Value>,
+}
+
+/// The version that a file states, as text or (in old files) as a number.
+fn version_of(json: &[u8]) -> Option<String> {
+    match serde_json::from_slice::<Head>(json).ok()?.asset?.version? {
+        serde_json::Value::String(version) => Some(version),
+        serde_json::Value::Number(version) => Some(version.to_string()),
+        _ => None,
+    }
+}
+
+fn other_version(file: &str, version: &str) -> FormatError {
+    let what = format!("this is glTF {}, not 2.0", version.trim_matches('"'));
+    FormatError::whole(
+        file,
+        what,
+        "Convert it to glTF 2.0: import it into a program that reads it, and export it again",
+    )
+}
 
 /// A file taken apart.
 #[derive(Debug)]
@@ -41,8 +96,11 @@ impl<'b> Document<'b> {
         let (json, json_at, binary) =
             if bytes.starts_with(GLB_MAGIC) { split_glb(file, bytes)? } else { (bytes, 0, None) };
         let json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
+        if let Some(version) = version_of(json).filter(|version| !version.starts_with("2.")) {
+            return Err(other_version(file, &quoted(&version)));
+        }
         let root = Root::from_slice(json).map_err(|error| {
-            let what = format!("the JSON is not as glTF 2.0 has it: {}", quoted(&error.to_string()));
+            let what = format!("the JSON is not valid glTF 2.0: {}", quoted(&error.to_string()));
             if json_at == 0 {
                 return FormatError::line(file, error.line().max(1), what, EXPORT_AGAIN);
             }
@@ -50,13 +108,14 @@ impl<'b> Document<'b> {
                 json.split_inclusive(|b| *b == b'\n').take(error.line().saturating_sub(1)).map(<[u8]>::len).sum();
             FormatError::byte(file, json_at + before + error.column(), what, EXPORT_AGAIN)
         })?;
-        if !root.asset.version.starts_with("2.") {
-            let what = format!("this is glTF {}", quoted(&root.asset.version));
-            return Err(FormatError::whole(file, what, "Only glTF 2.0 can be read; convert the file"));
-        }
-        if let Some(extension) = root.extensions_required.iter().find(|e| !KNOWN_EXTENSIONS.contains(&e.as_str())) {
-            let what = format!("the file needs the extension {}", quoted(extension));
-            return Err(FormatError::whole(file, what, "Export it without compression and special extensions"));
+        let unknown = |e: &&String| !COVERED_EXTENSIONS.contains(&e.as_str()) && !is_about_looks(e);
+        if let Some(extension) = root.extensions_required.iter().find(unknown) {
+            let (what, remedy) = if GEOMETRY_EXTENSIONS.contains(&extension.as_str()) {
+                ("the shape needs the extension", "Export it without compression and special extensions")
+            } else {
+                ("the file requires the unknown extension", "Export it as plain glTF 2.0, without that extension")
+            };
+            return Err(FormatError::whole(file, format!("{what} {}", quoted(extension)), remedy));
         }
         let mut document = Self { file, root, buffers: Vec::new() };
         let mut binary = binary;
@@ -66,8 +125,9 @@ impl<'b> Document<'b> {
                 (None, 0) => Cow::Borrowed(binary.take().unwrap_or_default()),
                 (None, _) => Cow::Borrowed([].as_slice()),
             };
-            if (data.len() as u64) < buffer.byte_length.0 {
-                let what = format!("buffer {index} announces {} bytes, there are {}", buffer.byte_length.0, data.len());
+            if (data.len() as u64) < buffer.byte_length.0 && !is_placeholder(buffer) {
+                let what =
+                    format!("buffer {index} announces {} bytes, but there are {}", buffer.byte_length.0, data.len());
                 return Err(FormatError::whole(file, what, EXPORT_AGAIN));
             }
             document.buffers.push(data);
@@ -75,14 +135,44 @@ impl<'b> Document<'b> {
         Ok(document)
     }
 
+    /// Warns of required extensions that are not read: colours, textures and the like.
+    pub(super) fn warn_of_extensions(&self, warnings: &mut Vec<String>) {
+        let unknown = self.root.extensions_required.iter().filter(|e| !COVERED_EXTENSIONS.contains(&e.as_str()));
+        let names: Vec<String> = unknown.map(|extension| quoted(extension)).collect();
+        if !names.is_empty() {
+            let (s, them) = if names.len() == 1 { ("", "it") } else { ("s", "them") };
+            warnings.push(format!(
+                "The file requires the unknown extension{s} {}: the shape is read without {them}.",
+                names.join(", ")
+            ));
+        }
+    }
+
+    /// Appends bytes as a buffer with one view.
+    pub(super) fn add_view(&mut self, bytes: Vec<u8>, byte_stride: Option<usize>) -> Index<View> {
+        let view = View {
+            buffer: Index::new(self.buffers.len() as u32),
+            byte_length: USize64::from(bytes.len()),
+            byte_offset: None,
+            byte_stride: byte_stride.map(Stride),
+            name: None,
+            target: None,
+            extensions: None,
+            extras: gltf_json::Extras::default(),
+        };
+        self.buffers.push(Cow::Owned(bytes));
+        Index::push(&mut self.root.buffer_views, view)
+    }
+
     pub(super) fn error(&self, what: impl Into<String>) -> FormatError {
         FormatError::whole(self.file, what, EXPORT_AGAIN)
     }
 
-    /// What an index stands for, or an error that names it.
+    /// The item at an index, or an error that names the index.
     pub(super) fn get<'a, T>(&self, list: &'a [T], index: Index<T>, what: &str) -> Result<&'a T, FormatError> {
-        list.get(index.value())
-            .ok_or_else(|| self.error(format!("{what} {} is named, but there are only {}", index.value(), list.len())))
+        list.get(index.value()).ok_or_else(|| {
+            self.error(format!("{what} {} is referenced, but there are only {}", index.value(), list.len()))
+        })
     }
 
     /// The bytes of a buffer view.
@@ -93,15 +183,23 @@ impl<'b> Document<'b> {
             .ok()
             .zip(start.checked_add(view.byte_length.0).and_then(|end| usize::try_from(end).ok()))
             .and_then(|(start, end)| self.buffers.get(view.buffer.value())?.get(start..end));
-        let bytes =
-            bytes.ok_or_else(|| self.error(format!("buffer view {} lies outside its buffer", index.value())))?;
+        let bytes = bytes.ok_or_else(|| self.error(format!("buffer view {} is outside its buffer", index.value())))?;
         Ok((bytes, view))
     }
 
-    /// A file named by the document.
+    /// A file that the document references.
     pub(super) fn fetch(&self, uri: &str, resolver: Resolver) -> Result<Vec<u8>, FormatError> {
         fetch(self.file, uri, resolver)
     }
+}
+
+/// Whether a buffer holds nothing: it only says how long the data of compressed views is.
+fn is_placeholder(buffer: &Buffer) -> bool {
+    let extensions = buffer.extensions.iter().flat_map(|extensions| &extensions.others);
+    buffer.uri.is_none()
+        && extensions.into_iter().any(|(name, value)| {
+            name.ends_with("_meshopt_compression") && value.get("fallback").and_then(Value::as_bool) == Some(true)
+        })
 }
 
 /// The JSON chunk, the byte where it starts, and the binary chunk.
@@ -113,11 +211,10 @@ fn split_glb<'b>(file: &str, bytes: &'b [u8]) -> Result<GlbParts<'b>, FormatErro
         return Err(FormatError::byte(file, bytes.len(), "a GLB file has 12 bytes of header", EXPORT_AGAIN));
     };
     if version != 2 {
-        let what = format!("this is version {version} of GLB");
-        return Err(FormatError::byte(file, 4, what, "Only glTF 2.0 can be read; convert the file"));
+        return Err(other_version(file, &format!("{version}.0")));
     }
     if length as usize > bytes.len() {
-        let what = format!("the header announces {length} bytes, there are {}", bytes.len());
+        let what = format!("the header announces {length} bytes, but there are {}", bytes.len());
         return Err(FormatError::byte(file, bytes.len(), what, EXPORT_AGAIN));
     }
     let bytes = &bytes[..length as usize];
@@ -132,7 +229,7 @@ fn split_glb<'b>(file: &str, bytes: &'b [u8]) -> Result<GlbParts<'b>, FormatErro
         match kind {
             b"JSON" if json.is_none() => json = Some((chunk, data_at)),
             b"BIN\0" if binary.is_none() => binary = Some(chunk),
-            // Chunks of other kinds are to be ignored.
+            // Chunks of other types must be ignored.
             _ => {}
         }
         at = data_at + chunk.len();

@@ -1,4 +1,4 @@
-//! glTF 2.0, as JSON with buffers beside it and as GLB.
+//! glTF 2.0, as JSON with separate buffers and as GLB.
 //!
 //! The schema comes from `gltf-json`; buffers, accessors and the node tree are read here with every index, length and
 //! count checked, because the crates' own readers trust them.
@@ -7,12 +7,27 @@ mod accessor;
 mod animation;
 mod buffer;
 mod container;
+mod draco;
+mod follow;
+mod gather;
+mod meshopt;
 mod nodes;
+mod open;
 mod primitive;
 mod read;
+mod read_material;
+mod rest;
+mod scene;
+mod skeleton;
 mod skin;
+mod vrm;
 mod write;
 mod write_clip;
+mod write_material;
+mod write_skin;
+mod write_surface;
 
 pub(crate) use read::read_gltf;
-pub use write::{GlbClip, GlbMesh, GlbScene, GlbTimes, write_glb};
+pub use scene::{GlbClip, GlbMesh, GlbScene, GlbTimes};
+pub use skeleton::read_gltf_skeleton;
+pub use write::write_glb;

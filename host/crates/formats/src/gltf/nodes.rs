@@ -1,4 +1,4 @@
-//! The node tree: who hangs on whom, and where.
+//! The node tree: parents, children and transforms.
 
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf_json::scene::Node;
@@ -6,16 +6,24 @@ use gltf_json::scene::Node;
 use super::container::Document;
 use crate::FormatError;
 
+/// Relative difference up to which a matrix is its translation, rotation and scale: what single precision loses.
+const SAME_MATRIX: f64 = 1e-5;
+
 /// Translation, rotation and scale in double precision.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Local {
     pub(super) translation: DVec3,
     pub(super) rotation: DQuat,
     pub(super) scale: DVec3,
+    /// The whole of a matrix that is not just these three, such as one with shear.
+    pub(super) whole: Option<DAffine3>,
 }
 
 impl Local {
     pub(super) fn affine(&self) -> DAffine3 {
+        if let Some(whole) = self.whole {
+            return whole;
+        }
         DAffine3::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
     }
 }
@@ -26,9 +34,9 @@ pub(super) struct Nodes {
     pub(super) parent: Vec<Option<usize>>,
     /// Every node once, depth first, parents before children.
     pub(super) order: Vec<usize>,
-    /// As the file poses them without an animation.
+    /// As posed in the file, without an animation.
     pub(super) local: Vec<Local>,
-    /// `scene_from_node`, likewise.
+    /// `scene_from_node`, in the same pose.
     pub(super) world: Vec<DAffine3>,
     /// Whether a node belongs to the scene that is shown.
     pub(super) shown: Vec<bool>,
@@ -42,7 +50,7 @@ impl Nodes {
             for child in node.children.iter().flatten() {
                 document.get(nodes, *child, "node")?;
                 if parent[child.value()].replace(index).is_some() {
-                    return Err(document.error(format!("node {} hangs on two others", child.value())));
+                    return Err(document.error(format!("node {} has two parents", child.value())));
                 }
             }
         }
@@ -52,16 +60,16 @@ impl Nodes {
             order.push(node);
             open.extend(nodes[node].children.iter().flatten().rev().map(gltf_json::Index::value));
         }
-        // With one parent at most each, what no root leads to goes round in a circle.
+        // Every node has at most one parent, so nodes that no root leads to form a cycle.
         if order.len() < nodes.len() {
-            return Err(document.error("some nodes hang on each other in a circle"));
+            return Err(document.error("some nodes form a cycle"));
         }
         let local: Vec<Local> = nodes
             .iter()
             .enumerate()
             .map(|(index, node)| {
                 local(node).ok_or_else(|| {
-                    document.error(format!("the transform of node {index} is not finite, or its rotation is none"))
+                    document.error(format!("the transform of node {index} is not finite, or its rotation is zero"))
                 })
             })
             .collect::<Result<_, _>>()?;
@@ -84,8 +92,22 @@ pub(super) fn worlds(order: &[usize], parent: &[Option<usize>], local: &[Local])
 fn local(node: &Node) -> Option<Local> {
     let local = if let Some(matrix) = &node.matrix {
         let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
-        let (scale, rotation, translation) = matrix.is_finite().then(|| matrix.to_scale_rotation_translation())?;
-        Local { translation, rotation, scale }
+        if !matrix.is_finite() {
+            return None;
+        }
+        let (scale, rotation, translation) = if matrix.determinant() == 0.0 {
+            // What is scaled to nothing has no rotation to find.
+            let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|c| c.truncate().length());
+            (DVec3::from(columns), DQuat::IDENTITY, matrix.w_axis.truncate())
+        } else {
+            matrix.to_scale_rotation_translation()
+        };
+        let plain = Local { translation, rotation, scale, whole: None };
+        let whole = DAffine3::from_mat4(matrix);
+        let off = (plain.affine().matrix3 - whole.matrix3).to_cols_array();
+        let size = whole.matrix3.to_cols_array().iter().fold(0.0_f64, |size, c| size.max(c.abs()));
+        let sheared = off.iter().any(|d| d.abs() > SAME_MATRIX * size);
+        Local { whole: sheared.then_some(whole), ..plain }
     } else {
         let vector = |v: Option<[f32; 3]>, default| v.map_or(default, |v| DVec3::from(v.map(f64::from)));
         let rotation = DQuat::from_array(node.rotation.unwrap_or_default().0.map(f64::from));
@@ -93,12 +115,13 @@ fn local(node: &Node) -> Option<Local> {
             translation: vector(node.translation, DVec3::ZERO),
             rotation: unit(rotation)?,
             scale: vector(node.scale, DVec3::ONE),
+            whole: None,
         }
     };
     (local.translation.is_finite() && local.rotation.is_finite() && local.scale.is_finite()).then_some(local)
 }
 
-/// A quaternion of length one, if there is a direction in it.
+/// A unit quaternion, if it has a direction.
 pub(super) fn unit(rotation: DQuat) -> Option<DQuat> {
     let length = rotation.length();
     (length.is_finite() && length > 1e-6).then(|| rotation / length)

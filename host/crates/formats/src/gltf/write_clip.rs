@@ -9,10 +9,10 @@ use gltf_json::validation::Checked;
 use gltf_json::{Extras, Index};
 
 use super::buffer::Builder;
-use super::write::{GlbClip, GlbTimes, bad};
+use super::scene::{GlbClip, GlbTimes, bad};
 use crate::FormatError;
 
-/// Adds the clip; bones that stay at rest all the time get no channel.
+/// Adds the clip; bones that stay at rest throughout get no channel.
 #[expect(clippy::float_cmp, reason = "a bone that was never touched is at rest bit for bit")]
 pub(super) fn write_clip(
     builder: &mut Builder,
@@ -80,7 +80,7 @@ fn check_poses(skeleton: &Skeleton, clip: &GlbClip) -> Result<(), FormatError> {
     for (index, pose) in clip.poses.iter().enumerate() {
         if pose.parent_from_bone.len() != skeleton.len() {
             let (have, need) = (pose.parent_from_bone.len(), skeleton.len());
-            let what = format!("pose {index} of {:?} moves {have} bones, the skeleton has {need}", clip.name);
+            let what = format!("pose {index} of {:?} moves {have} bones, but the skeleton has {need}", clip.name);
             return Err(bad(what, remedy));
         }
         let usable = |t: &Transform| t.is_finite() && t.rotation.length_squared() > 0.25;
@@ -91,33 +91,33 @@ fn check_poses(skeleton: &Skeleton, clip: &GlbClip) -> Result<(), FormatError> {
     Ok(())
 }
 
-/// Seconds of every pose in single precision, strictly rising.
+/// The time of every pose in single precision, seconds, strictly increasing.
 fn key_times(clip: &GlbClip) -> Result<Vec<[f32; 1]>, FormatError> {
     let wrong = |what: &str| bad(format!("the clip {:?} {what}", clip.name), "Record the clip again");
     let seconds: Vec<f64> = match clip.times {
         GlbTimes::EverySeconds(step) if step.is_finite() && step > 0.0 => {
             (0..clip.poses.len()).map(|k| k as f64 * step).collect()
         }
-        GlbTimes::EverySeconds(_) => return Err(wrong("has frames of no length")),
+        GlbTimes::EverySeconds(_) => return Err(wrong("has frames of zero length")),
         GlbTimes::At(times) if times.len() == clip.poses.len() => times.to_vec(),
-        GlbTimes::At(_) => return Err(wrong("has another number of times than of poses")),
+        GlbTimes::At(_) => return Err(wrong("has different numbers of times and poses")),
     };
     if !seconds.iter().all(|s| s.is_finite() && (*s as f32).is_finite() && *s >= 0.0) {
         return Err(wrong("has a time that is negative or not finite"));
     }
     if seconds.windows(2).any(|w| w[1] <= w[0]) {
-        return Err(wrong("has times that do not rise"));
+        return Err(wrong("has times that do not increase"));
     }
     let mut out: Vec<[f32; 1]> = Vec::with_capacity(seconds.len());
     for second in seconds {
-        // Late in a long take two times may round to one.
+        // Late in a long take, two times may round to the same number.
         let after = out.last().map_or(0.0, |[last]| last.next_up());
         out.push([(second as f32).max(after)]);
     }
     Ok(out)
 }
 
-/// Unit quaternions, each on the near side of the one before.
+/// Unit quaternions, each with the sign closer to the one before.
 fn continuous(rotations: impl Iterator<Item = Quat>) -> Vec<[f32; 4]> {
     let mut last = Quat::IDENTITY;
     let mut out = Vec::new();

@@ -1,104 +1,77 @@
-//! One point more where some facets have to stay: the region that gives way does not reach across them.
+//! Inserting a point while some facets must stay: the region that gives way does not reach across them.
 //!
-//! The triangulation need not be Delaunay any more, so that the region may lack a clear view of all of its boundary;
-//! what hides some of it is taken out of the region again.
+//! The triangulation need no longer be Delaunay, so the point may not see all of the region's boundary; whatever blocks
+//! its view is taken out of the region again.
 
-use super::insertion::{BoundaryFacet, NONE, Triangulation};
-use crate::predicates::{collinear, same_place};
+use super::region::{BoundaryFacet, Region};
+use super::triangulation::{INFINITE, NONE, Triangulation};
+use crate::predicates::collinear;
 
 /// Why a point was not inserted; nothing has changed then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// This point lies at the same place.
+    /// This point is at the same place.
     AtVertex(u32),
-    /// The point lies on or too near a facet that has to stay.
+    /// The point is on or too close to a facet that must stay.
     NoRoom,
     /// There would be more tetrahedra than allowed.
     Full,
 }
 
 impl Triangulation {
-    /// Begins to keep a tetrahedron for every point, and to allow locked facets.
-    pub(crate) fn track(&mut self) {
-        self.locked = vec![0; self.corners.len()];
-        self.tet_of = vec![NONE; self.points.len()];
-        for tet in 0..self.corners.len() as u32 {
-            if self.is_alive(tet) {
-                for corner in self.corners[tet as usize] {
-                    if let Some(entry) = self.tet_of.get_mut(corner as usize) {
-                        *entry = tet;
-                    }
-                }
-            }
-        }
-    }
-
-    /// A tetrahedron at a point; [`NONE`] for a point that is no corner.
-    pub(crate) fn tet_at(&self, point: u32) -> u32 {
-        self.tet_of.get(point as usize).copied().unwrap_or(NONE)
-    }
-
-    /// Locks or unlocks a facet, on both of its sides.
-    pub(crate) fn set_locked(&mut self, tet: u32, slot: usize, lock: bool) {
-        let other = self.neighbours[tet as usize][slot];
-        let back = super::insertion::position_of(&self.neighbours[other as usize], tet);
-        for (tet, slot) in [(tet, slot), (other, back)] {
-            let bits = &mut self.locked[tet as usize];
-            *bits = if lock { *bits | 1 << slot } else { *bits & !(1 << slot) };
-        }
-    }
-
-    /// A new point, found by walking from the tetrahedron `start`.
+    /// Inserts a new point, found by walking from the tetrahedron `start`.
     pub(crate) fn insert_constrained(&mut self, position: [f64; 3], start: u32) -> Result<u32, Refusal> {
         let start = self.locate_from(start, &position).ok_or(Refusal::NoRoom)?;
-        let twin = |&&corner: &&u32| self.points.get(corner as usize).is_some_and(|p| same_place(p, &position));
-        if let Some(&twin) = self.corners[start as usize].iter().find(twin) {
+        if let Some(twin) = self.corner_at(start, &position) {
             return Err(Refusal::AtVertex(twin));
         }
-        self.find_conflicts(start, &position);
-        if !self.shrink_to_what_is_seen(start, &position) {
+        let mut region = self.lend_region();
+        let inserted = self.insert_into(&mut region, position, start);
+        self.keep_region(region);
+        inserted
+    }
+
+    fn insert_into(&mut self, region: &mut Region, position: [f64; 3], start: u32) -> Result<u32, Refusal> {
+        self.find_conflicts(start, &position, region);
+        if !self.shrink_to_what_is_seen(start, &position, region) {
             return Err(Refusal::NoRoom);
         }
-        if self.corners.len() + self.boundary.len() > self.most {
+        if !self.has_space_for(region.boundary.len()) {
             return Err(Refusal::Full);
         }
-        let point = self.points.len() as u32;
-        self.points.push(position);
-        self.tet_of.push(NONE);
-        self.fan_out(point);
+        let point = self.add_point(position);
+        self.fan_out(point, region);
         Ok(point)
     }
 
-    /// Takes tetrahedra out of the conflicts until the point sees every facet of their boundary from inside, then
-    /// gathers that boundary; false if nothing is left.
-    fn shrink_to_what_is_seen(&mut self, start: u32, position: &[f64; 3]) -> bool {
+    /// Removes tetrahedra from the region until the point sees every facet of its boundary from inside, then gathers
+    /// that boundary; false if nothing is left.
+    fn shrink_to_what_is_seen(&mut self, start: u32, position: &[f64; 3], region: &mut Region) -> bool {
         loop {
             let mut hidden = false;
-            for index in 0..self.conflicts.len() {
-                let tet = self.conflicts[index];
+            for &tet in &region.tets {
                 if (0..4).all(|slot| !self.is_boundary(tet, slot) || self.sees(tet, slot, position)) {
                     continue;
                 }
                 if tet == start {
                     return false;
                 }
-                self.mark[tet as usize] = self.stamp + 1;
+                self.reject(tet);
                 hidden = true;
             }
             if !hidden {
                 break;
             }
-            self.keep_connected(start);
+            self.keep_connected(start, &mut region.tets);
         }
-        self.boundary.clear();
-        for index in 0..self.conflicts.len() {
-            let inner = self.conflicts[index];
+        region.boundary.clear();
+        for &inner in &region.tets {
             for slot in 0..4 {
                 if self.is_boundary(inner, slot) {
                     if !self.keeps_hull_convex(inner, slot, position) {
                         return false;
                     }
-                    self.boundary.push(BoundaryFacet { inner, slot: slot as u8, new: NONE });
+                    region.boundary.push(BoundaryFacet { inner, slot: slot as u8, new: NONE });
                 }
             }
         }
@@ -106,7 +79,7 @@ impl Triangulation {
     }
 
     fn is_boundary(&self, tet: u32, slot: usize) -> bool {
-        self.mark[self.neighbours[tet as usize][slot] as usize] != self.stamp || self.is_locked(tet, slot)
+        !self.is_selected(self.neighbour(tet, slot)) || self.is_locked(tet, slot)
     }
 
     fn sees(&self, tet: u32, slot: usize, position: &[f64; 3]) -> bool {
@@ -116,35 +89,34 @@ impl Triangulation {
 
     /// Whether a facet of the boundary that reaches to infinity makes a facet of the hull with the point.
     fn keeps_hull_convex(&self, tet: u32, slot: usize, position: &[f64; 3]) -> bool {
-        let outer = self.neighbours[tet as usize][slot];
+        let outer = self.neighbour(tet, slot);
         let Some(infinite) = self.infinite_slot(outer) else { return true };
         if self.orientation_with(outer, infinite, position) > 0.0 {
             return false;
         }
-        let edge: Vec<u32> = (0..4).filter(|&k| k != slot).map(|k| self.corners[tet as usize][k]).collect();
-        let mut ends = edge.iter().filter_map(|&corner| self.points.get(corner as usize));
+        let edge: Vec<u32> = (0..4).filter(|&k| k != slot).map(|k| self.corners(tet)[k]).collect();
+        let mut ends = edge.iter().filter(|&&corner| corner != INFINITE).map(|&corner| self.point(corner));
         match (ends.next(), ends.next(), ends.next()) {
             (Some(a), Some(b), None) => !collinear(a, b, position),
             _ => true,
         }
     }
 
-    /// Keeps of the conflicts what can be reached from `start` through themselves.
-    fn keep_connected(&mut self, start: u32) {
-        let before = self.stamp;
-        self.stamp += 2;
-        self.conflicts.clear();
-        self.conflicts.push(start);
-        self.mark[start as usize] = self.stamp;
+    /// Keeps those selected tetrahedra that can be reached from `start` through others.
+    fn keep_connected(&mut self, start: u32, tets: &mut Vec<u32>) {
+        self.begin_selection();
+        tets.clear();
+        tets.push(start);
+        self.select(start);
         let mut looked_at = 0;
-        while looked_at < self.conflicts.len() {
-            let inner = self.conflicts[looked_at];
+        while looked_at < tets.len() {
+            let inner = tets[looked_at];
             looked_at += 1;
             for slot in 0..4 {
-                let outer = self.neighbours[inner as usize][slot];
-                if self.mark[outer as usize] == before && !self.is_locked(inner, slot) {
-                    self.mark[outer as usize] = self.stamp;
-                    self.conflicts.push(outer);
+                let outer = self.neighbour(inner, slot);
+                if self.was_selected(outer) && !self.is_locked(inner, slot) {
+                    self.select(outer);
+                    tets.push(outer);
                 }
             }
         }

@@ -1,10 +1,10 @@
-//! Flips and constrained insertion leave a triangulation of all of space, whatever they are asked.
+//! Flips and constrained insertion always leave a valid triangulation of all of space.
 
 use std::ops::ControlFlow;
 
 use proptest::prelude::*;
 
-use super::insertion::{INFINITE, Triangulation};
+use super::triangulation::{INFINITE, Triangulation};
 use super::{Crossing, Refusal, triangulate};
 use crate::predicates::orientation;
 
@@ -26,7 +26,7 @@ fn triangulation(seed: u64, count: usize, lattice: bool) -> Triangulation {
 }
 
 fn sorted_facet(t: &Triangulation, tet: u32, slot: usize) -> [u32; 3] {
-    let corners = t.corners[tet as usize];
+    let corners = t.corners(tet);
     let mut facet = [corners[(slot + 1) % 4], corners[(slot + 2) % 4], corners[(slot + 3) % 4]];
     facet.sort_unstable();
     facet
@@ -35,29 +35,29 @@ fn sorted_facet(t: &Triangulation, tet: u32, slot: usize) -> [u32; 3] {
 /// Positive tetrahedra, neighbours that know each other, locks on both sides, a convex hull; their volume times six.
 fn check(t: &Triangulation) -> f64 {
     let mut volume = 0.0;
-    for tet in (0..t.corners.len() as u32).filter(|&tet| t.is_alive(tet)) {
+    for tet in (0..t.slots()).filter(|&tet| t.is_alive(tet)) {
         for slot in 0..4 {
-            let other = t.neighbours[tet as usize][slot];
+            let other = t.neighbour(tet, slot);
             assert!(t.is_alive(other));
-            let back = t.neighbours[other as usize].iter().position(|&n| n == tet).unwrap();
+            let back = t.neighbours(other).iter().position(|&n| n == tet).unwrap();
             assert_eq!(sorted_facet(t, tet, slot), sorted_facet(t, other, back));
             assert_eq!(t.is_locked(tet, slot), t.is_locked(other, back));
         }
-        let corners = t.corners[tet as usize];
+        let corners = t.corners(tet);
         if let Some(infinite) = t.infinite_slot(tet) {
             for slot in (0..4).filter(|&slot| slot != infinite) {
                 let beyond = t.apex_across(tet, slot);
-                let at = t.points[beyond as usize];
+                let at = *t.point(beyond);
                 assert!(t.orientation_with(tet, infinite, &at) <= 0.0, "the hull turns inwards");
             }
         } else {
-            let [a, b, c, d] = corners.map(|v| &t.points[v as usize]);
+            let [a, b, c, d] = corners.map(|v| t.point(v));
             assert!(orientation(a, b, c, d) > 0.0);
             let [a, b, c, d] = [a, b, c, d].map(|p| glam::DVec3::from(*p) * 0.5_f64.powi(180));
             volume += (b - a).dot((c - a).cross(d - a));
         }
         for corner in corners.into_iter().filter(|&corner| corner != INFINITE) {
-            assert!(t.corners[t.tet_at(corner) as usize].contains(&corner));
+            assert!(t.corners(t.tet_at(corner)).contains(&corner));
         }
     }
     volume
@@ -77,9 +77,9 @@ proptest! {
         let mut star = Vec::new();
         let mut locked: Vec<[u32; 3]> = Vec::new();
         for (action, one, two, slot) in actions {
-            let alive: Vec<u32> = (0..t.corners.len() as u32).filter(|&tet| t.is_alive(tet)).collect();
+            let alive: Vec<u32> = (0..t.slots()).filter(|&tet| t.is_alive(tet)).collect();
             let tet = alive[one as usize % alive.len()];
-            let corners = t.corners[tet as usize];
+            let corners = t.corners(tet);
             let finite: Vec<u32> = corners.into_iter().filter(|&c| c != INFINITE).collect();
             match action {
                 0 => drop(t.flip_facet(tet, slot)),
@@ -93,7 +93,7 @@ proptest! {
                     }
                 }
                 3 => {
-                    let ends = [finite[0], alive.len() as u32 % t.points.len() as u32];
+                    let ends = [finite[0], alive.len() as u32 % t.points().len() as u32];
                     match t.first_crossing(ends, &mut star) {
                         Crossing::Facet(tet, slot) => drop(t.flip_facet(tet, slot)),
                         Crossing::Edge(tet, edge) => drop(t.remove_edge(tet, edge, &[])),
@@ -103,18 +103,18 @@ proptest! {
                 _ => {
                     // A point inside, in a facet, on an edge, or a little beyond, up to rounding.
                     let share = f64::from(two) / f64::from(u32::MAX);
-                    let of = |k: usize| glam::DVec3::from(t.points[finite[k % finite.len()] as usize]);
+                    let of = |k: usize| glam::DVec3::from(*t.point(finite[k % finite.len()]));
                     let position = match slot {
                         0 => of(0).lerp(of(1), share),
                         1 => of(0).lerp(of(1), share).lerp(of(2), 0.3),
                         2 => of(0),
                         _ => (of(0) + of(1) + of(2) + of(3)) / 4.0,
                     };
-                    let count = t.points.len();
+                    let count = t.points().len();
                     match t.insert_constrained(position.to_array(), tet) {
                         Ok(vertex) => prop_assert_eq!(vertex as usize, count),
                         Err(Refusal::AtVertex(_) | Refusal::NoRoom | Refusal::Full) => {
-                            prop_assert_eq!(t.points.len(), count);
+                            prop_assert_eq!(t.points().len(), count);
                         }
                     }
                 }

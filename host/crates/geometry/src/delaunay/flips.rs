@@ -1,27 +1,28 @@
-//! Other tetrahedra in the same place: flips, and taking an edge away.
+//! Different tetrahedra in the same place: flips, and removing an edge.
 
-use super::insertion::{INFINITE, Triangulation};
+use super::triangulation::{INFINITE, NONE, Triangulation};
+use crate::facets::{facet, sorted};
 use crate::predicates::orientation;
 
-/// Edges with more tetrahedra around them are left alone.
+/// Edges with more tetrahedra around them are not removed.
 const LARGEST_RING: usize = 12;
 
 impl Triangulation {
-    /// Puts the three tetrahedra around a new edge in place of the two that share the facet of `tet` opposite its
-    /// corner `slot`. False, with nothing changed, if the new edge would not pass through the facet, the facet is
-    /// locked or the hull is touched.
+    /// Replaces the two tetrahedra that share the facet of `tet` opposite its corner `slot` by three around a new edge.
+    /// False, with nothing changed, if the new edge would not pass through the facet, the facet is locked or the hull
+    /// is touched.
     pub(crate) fn flip_facet(&mut self, tet: u32, slot: usize) -> bool {
-        let other = self.neighbours[tet as usize][slot];
+        let other = self.neighbour(tet, slot);
         if self.is_locked(tet, slot) || self.infinite_slot(tet).is_some() || self.infinite_slot(other).is_some() {
             return false;
         }
         let apex = self.apex_across(tet, slot);
-        let position = self.points[apex as usize];
+        let position = *self.point(apex);
         let others = || (0..4).filter(|&k| k != slot);
         if others().any(|k| self.orientation_with(tet, k, &position) <= 0.0) {
             return false;
         }
-        let corners = self.corners[tet as usize];
+        let corners = self.corners(tet);
         let new: Vec<[u32; 4]> = others()
             .map(|k| {
                 let mut with_apex = corners;
@@ -35,15 +36,14 @@ impl Triangulation {
 
     /// Replaces the tetrahedra around the edge `ends` of `tet` by two for each triangle of a triangulation of the ring
     /// around it, one that has the edge or triangle `wanted` (two or three of the ring's vertices, or none). False,
-    /// with nothing changed, if there is none with only positive tetrahedra, or if a locked facet or the hull is in
-    /// the way.
+    /// with nothing changed, if none gives only positive tetrahedra, or if a locked facet or the hull is in the way.
     pub(crate) fn remove_edge(&mut self, tet: u32, ends: [u32; 2], wanted: &[u32]) -> bool {
         let Some((vertices, tets)) = self.ring(tet, ends) else { return false };
         if vertices.len() > LARGEST_RING || vertices.contains(&INFINITE) {
             return false;
         }
         let spoke_locked = tets.iter().any(|&t| {
-            let corners = self.corners[t as usize];
+            let corners = self.corners(t);
             (0..4).any(|slot| !ends.contains(&corners[slot]) && self.is_locked(t, slot))
         });
         if spoke_locked {
@@ -56,36 +56,29 @@ impl Triangulation {
         true
     }
 
-    /// The vertices around an edge `u v`, so that each `u v rᵢ rᵢ₊₁` is one of the positive tetrahedra that come with
+    /// The vertices around an edge `u v`, such that each `u v rᵢ rᵢ₊₁` is one of the positive tetrahedra returned with
     /// them; `None` if the edge is not one of `tet`'s.
     pub(crate) fn ring(&self, tet: u32, [u, v]: [u32; 2]) -> Option<(Vec<u32>, Vec<u32>)> {
         let (mut vertices, mut tets) = (Vec::new(), Vec::new());
         let mut at = tet;
-        let corners = self.corners[at as usize];
+        let corners = self.corners(at);
         let rest: Vec<u32> = corners.into_iter().filter(|&c| c != u && c != v).collect();
         let &[x, y] = rest.as_slice() else { return None };
         let (mut behind, mut ahead) = if is_even(corners, [u, v, x, y]) { (x, y) } else { (y, x) };
         loop {
             vertices.push(behind);
             tets.push(at);
-            let slot = self.corners[at as usize].iter().position(|&c| c == behind)?;
-            let next = self.neighbours[at as usize][slot];
+            let slot = self.corners(at).iter().position(|&c| c == behind)?;
+            let next = self.neighbour(at, slot);
             let new = self.apex_across(at, slot);
             (at, behind, ahead) = (next, ahead, new);
             if at == tet {
                 return Some((vertices, tets));
             }
-            if tets.len() > 4 * LARGEST_RING && vertices.len() > self.corners.len() {
+            if tets.len() > 4 * LARGEST_RING && vertices.len() > self.slots() as usize {
                 return None;
             }
         }
-    }
-
-    /// The corner of the neighbour that does not belong to the shared facet.
-    pub(crate) fn apex_across(&self, tet: u32, slot: usize) -> u32 {
-        let other = self.neighbours[tet as usize][slot];
-        let back = super::insertion::position_of(&self.neighbours[other as usize], tet);
-        self.corners[other as usize][back]
     }
 
     fn triangulate_ring(&self, ring: &[u32], ends: [u32; 2], wanted: &[u32]) -> Option<Vec<[u32; 3]>> {
@@ -114,7 +107,7 @@ impl Triangulation {
         Some(triangles)
     }
 
-    /// Triangles between a chain of the ring and the straight way back, by dynamic programming over sub-chains.
+    /// Triangles between a chain of the ring and its closing edge, by dynamic programming over sub-chains.
     fn triangulate_part(&self, chain: &[u32], ends: [u32; 2]) -> Option<Vec<[u32; 3]>> {
         let n = chain.len();
         // apex[i][j]: the corner of the triangle on the edge i j, if that sub-chain can be done.
@@ -146,20 +139,19 @@ impl Triangulation {
     }
 
     fn is_positive_with(&self, triangle: [u32; 3], [below, above]: [u32; 2]) -> bool {
-        let [a, b, c] = triangle.map(|v| &self.points[v as usize]);
-        let (below, above) = (&self.points[below as usize], &self.points[above as usize]);
+        let [a, b, c] = triangle.map(|v| self.point(v));
+        let (below, above) = (self.point(below), self.point(above));
         orientation(a, b, c, above) > 0.0 && orientation(a, c, b, below) > 0.0
     }
 
-    /// Puts `new` tetrahedra in the place of `old` ones that fill the same region with no locked facet inside.
+    /// Replaces the `old` tetrahedra by `new` ones that fill the same region, which has no locked facet inside.
     fn replace(&mut self, old: &[u32], new: &[[u32; 4]]) {
         let mut open: Vec<([u32; 3], u32, usize, bool)> = Vec::new();
         for &tet in old {
             for slot in 0..4 {
-                let outer = self.neighbours[tet as usize][slot];
+                let (outer, back) = self.across(tet, slot);
                 if !old.contains(&outer) {
-                    let back = super::insertion::position_of(&self.neighbours[outer as usize], tet);
-                    let facet = sorted_facet(self.corners[tet as usize], slot);
+                    let facet = sorted(facet(self.corners(tet), slot)).0;
                     open.push((facet, outer, back, self.is_locked(tet, slot)));
                 }
             }
@@ -168,16 +160,15 @@ impl Triangulation {
             self.retire(tet);
         }
         for &corners in new {
-            let tet = self.put(corners, [super::insertion::NONE; 4]);
-            self.last = tet;
+            let tet = self.put(corners, [NONE; 4]);
             for slot in 0..4 {
-                let facet = sorted_facet(corners, slot);
+                let facet = sorted(facet(corners, slot)).0;
                 if let Some(index) = open.iter().position(|entry| entry.0 == facet) {
                     let (_, outer, back, locked) = open.swap_remove(index);
-                    self.neighbours[tet as usize][slot] = outer;
-                    self.neighbours[outer as usize][back] = tet;
+                    self.link(tet, slot, outer);
+                    self.link(outer, back, tet);
                     if locked {
-                        self.locked[tet as usize] |= 1 << slot;
+                        self.lock_new_side(tet, slot);
                     }
                 } else {
                     open.push((facet, tet, slot, false));
@@ -188,13 +179,7 @@ impl Triangulation {
     }
 }
 
-fn sorted_facet(corners: [u32; 4], slot: usize) -> [u32; 3] {
-    let mut facet = [corners[(slot + 1) % 4], corners[(slot + 2) % 4], corners[(slot + 3) % 4]];
-    facet.sort_unstable();
-    facet
-}
-
-/// Whether an even number of swaps makes one order of four out of the other.
+/// Whether an even number of swaps turns one order of four into the other.
 fn is_even(from: [u32; 4], to: [u32; 4]) -> bool {
     let places = to.map(|v| from.iter().position(|&f| f == v).unwrap_or(0));
     let inversions = (0..4).flat_map(|i| (i + 1..4).map(move |j| (i, j))).filter(|&(i, j)| places[i] > places[j]);

@@ -1,7 +1,17 @@
 //! Delaunay tetrahedra of points.
 //!
-//! Points are inserted one by one into a triangulation of all of space; every sign is exact, so that grids, layers and
-//! points on a sphere are as good as any others.
+//! Points are inserted one by one into a triangulation of all of space; every sign is exact, so grids, layers and
+//! points on a sphere are handled like any others.
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use armature_geometry::delaunay::delaunay_tetrahedra;
+//!
+//! let points = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0.2, 0.2, 0.2]];
+//! let delaunay = delaunay_tetrahedra(&points, &mut |_stage, _fraction| ControlFlow::Continue(()))?;
+//! assert_eq!(delaunay.tetrahedra.len(), 4, "the last point is inside the tetrahedron of the others");
+//! # Ok::<(), armature_geometry::delaunay::DelaunayError>(())
+//! ```
 
 mod cavity;
 #[cfg(test)]
@@ -10,42 +20,45 @@ mod flips;
 mod insertion;
 mod location;
 mod order;
+mod region;
 mod restore;
+mod triangulation;
 mod walk;
 
 use std::ops::ControlFlow;
 
 use crate::predicates::{collinear, orientation, same_place};
+use crate::progress::{Progress, stage};
 pub(crate) use cavity::Refusal;
 use insertion::Inserted;
-pub(crate) use insertion::{INFINITE, NONE as NO_TETRAHEDRON, Triangulation};
 use order::insertion_order;
+pub(crate) use triangulation::{INFINITE, NONE as NO_TETRAHEDRON, Triangulation};
 pub(crate) use walk::Crossing;
 
-/// Insertions between two reports of progress.
+/// Insertions between two progress reports.
 const REPORT_EVERY: usize = 4096;
-/// Insertions are counted by twos in 32 bits.
+/// Insertions are counted in steps of two in 32 bits.
 const MOST_POINTS: usize = i32::MAX as usize / 2;
 /// Points spread in a volume have 7 tetrahedra each, those of surfaces about as many, those of a cylinder 21.
 const MOST_PER_POINT: usize = 32;
 const MOST_FOR_FEW_POINTS: usize = 4_000_000;
-/// The largest coordinate is scaled into [2¹⁸⁰, 2¹⁸¹): fifth powers of differences, as the sphere test needs them,
-/// stay below 2¹⁰²³.
+/// The largest coordinate is scaled into [2¹⁸⁰, 2¹⁸¹): fifth powers of differences, which the sphere test needs, stay
+/// below 2¹⁰²³.
 const LARGEST_EXPONENT: i32 = 180;
-/// 2⁻¹⁶²: from here up the last bit of a coordinate is at least 2⁻²¹⁴, whose fifth power f64 can still tell from
-/// zero. Between the two limits no sign is ever lost to overflow or underflow.
+/// 2⁻¹⁶²: from here up, the last bit of a coordinate is at least 2⁻²¹⁴, whose fifth power f64 can still distinguish
+/// from zero. Between the two limits no sign is ever lost to overflow or underflow.
 const SMALLEST_COORDINATE: f64 = f64::from_bits((1023 - 162) << 52);
 
-/// The Delaunay tetrahedra of points: together they fill the convex hull, and the sphere around each has no point
-/// inside. Where more than four points lie on such a sphere, one of the possible choices is made.
+/// The Delaunay tetrahedra of points: together they fill the convex hull, and the sphere around each contains no point.
+/// If more than four points lie on such a sphere, one of the possible choices is made.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DelaunayTetrahedra {
     /// m×4 zero-based indices of points, `(b-a)·((c-a)×(d-a)) > 0` exactly.
     pub tetrahedra: Vec<[u32; 4]>,
     /// m×4: the tetrahedron across the facet opposite each corner, [`Self::OUTSIDE`] for a facet of the hull.
     pub neighbours: Vec<[u32; 4]>,
-    /// For each point the first point at the same place, itself if there is none before it. Only these first points
-    /// are corners, and each of them is.
+    /// For each point, the first point at the same place, which is itself if there is none before it. Only these first
+    /// points are corners, and all of them are.
     pub first_at_place: Vec<u32>,
 }
 
@@ -57,17 +70,17 @@ impl DelaunayTetrahedra {
 /// Why points have no Delaunay tetrahedra.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DelaunayError {
-    /// Less than a tetrahedron.
+    /// Fewer than four places.
     #[error("a volume needs at least 4 points at different places, but there are only {distinct}")]
     TooFewPoints {
         /// How many different places there are.
         distinct: usize,
     },
-    /// Everything lies on one line.
-    #[error("all points lie exactly on one line; a volume needs points off it")]
+    /// All points are on one line.
+    #[error("all points are exactly on one line; a volume needs points off it")]
     Collinear,
-    /// Everything lies in one plane.
-    #[error("all points lie exactly in one plane; a volume needs points off it")]
+    /// All points are in one plane.
+    #[error("all points are exactly in one plane; a volume needs points off it")]
     Coplanar,
     /// A coordinate is NaN or infinite.
     #[error("point {point} has a coordinate that is not a finite number")]
@@ -83,13 +96,13 @@ pub enum DelaunayError {
         /// Zero-based point.
         point: usize,
     },
-    /// More than indices can name.
-    #[error("{points} points are more than 32-bit indices can name; use fewer")]
+    /// More points than 32-bit indices can address.
+    #[error("{points} points are more than 32-bit indices can address; use fewer")]
     TooManyPoints {
-        /// How many points were given.
+        /// How many points there are.
         points: usize,
     },
-    /// The number of tetrahedra grows with the square of that of the points, and would fill the memory.
+    /// The number of tetrahedra can grow with the square of the number of points, and would fill the memory.
     #[error("the points, perhaps on a few lines, need more than {most} tetrahedra; use fewer points")]
     TooManyTetrahedra {
         /// How many tetrahedra are allowed for this number of points.
@@ -102,15 +115,13 @@ pub enum DelaunayError {
 
 /// The Delaunay tetrahedra of n×3 `points`, in any unit.
 ///
-/// The same points give the same tetrahedra, on any number of threads. `progress` is told the fraction of points done
-/// every few thousand points, and cancels by [`ControlFlow::Break`]. Time is near-linear for points of surfaces and
-/// volumes; points on a few lines can need the square of their number of tetrahedra, and
-/// more than 32 a point and four million are refused.
-pub fn delaunay_tetrahedra(
-    points: &[[f64; 3]],
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
-) -> Result<DelaunayTetrahedra, DelaunayError> {
-    let Bulk { triangulation, name, first_at_place, .. } = triangulate(points, progress)?;
+/// The same points give the same tetrahedra, on any number of threads. `progress` receives the fraction of points done
+/// every few thousand points; see [`Progress`]. Time is near-linear for points of surfaces and volumes; points on a few
+/// lines can need a number of tetrahedra that grows with the square of the number of points, and more than 32 per point
+/// plus four million are refused.
+pub fn delaunay_tetrahedra(points: &[[f64; 3]], progress: Progress<'_>) -> Result<DelaunayTetrahedra, DelaunayError> {
+    let Bulk { triangulation, name, first_at_place, .. } =
+        triangulate(points, &mut stage(progress, "connecting points"))?;
     let (tetrahedra, neighbours) = inside(&triangulation, &name);
     Ok(DelaunayTetrahedra { tetrahedra, neighbours, first_at_place })
 }
@@ -119,7 +130,7 @@ pub fn delaunay_tetrahedra(
 pub(crate) struct Bulk {
     /// Numbers its points in the order of insertion.
     pub(crate) triangulation: Triangulation,
-    /// For each point of the triangulation the first given point at its place.
+    /// For each point of the triangulation, the first given point at its place.
     pub(crate) name: Vec<u32>,
     /// As in [`DelaunayTetrahedra`].
     pub(crate) first_at_place: Vec<u32>,
@@ -144,7 +155,7 @@ pub(crate) fn triangulate(
     drop(scaled);
     let mut triangulation = Triangulation::new(sorted, [0, 1, 2, 3], most);
     let mut first_at_place: Vec<u32> = (0..points.len() as u32).collect();
-    // Of points at one place the first by index takes over, whichever was inserted.
+    // Of points at the same place, the one with the lowest index is used, whichever was inserted first.
     let mut name = order.clone();
     for position in 4..order.len() {
         if position % REPORT_EVERY == 0 && progress(position as f64 / order.len() as f64).is_break() {
@@ -218,15 +229,15 @@ fn put_tetrahedron_first(order: &mut [u32], points: &[[f64; 3]]) -> Result<(), D
 
 /// The tetrahedra without a corner at infinity, and what lies across their facets.
 fn inside(triangulation: &Triangulation, name: &[u32]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
-    let mut index_of = vec![DelaunayTetrahedra::OUTSIDE; triangulation.corners.len()];
+    let mut index_of = vec![DelaunayTetrahedra::OUTSIDE; triangulation.slots() as usize];
     let mut kept = Vec::new();
-    for tet in 0..triangulation.corners.len() as u32 {
+    for tet in 0..triangulation.slots() {
         if triangulation.is_alive(tet) && triangulation.infinite_slot(tet).is_none() {
             index_of[tet as usize] = kept.len() as u32;
             kept.push(tet);
         }
     }
-    let corners = |&tet: &u32| triangulation.corners[tet as usize].map(|corner| name[corner as usize]);
-    let across = |&tet: &u32| triangulation.neighbours[tet as usize].map(|other| index_of[other as usize]);
+    let corners = |&tet: &u32| triangulation.corners(tet).map(|corner| name[corner as usize]);
+    let across = |&tet: &u32| triangulation.neighbours(tet).map(|other| index_of[other as usize]);
     (kept.iter().map(corners).collect(), kept.iter().map(across).collect())
 }

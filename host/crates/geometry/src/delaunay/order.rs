@@ -1,18 +1,18 @@
 //! The order in which points are inserted: random rounds, along a space-filling curve within each.
 //!
-//! Rounds that grow (Amenta, Choi, Rote 2003) keep the work near-linear whatever order the points come in; the curve
-//! makes the next point a neighbour of the last one, in space and in memory.
+//! Rounds of growing size (Amenta, Choi, Rote 2003) keep the work near-linear whatever order the points come in; the
+//! curve makes the next point a neighbour of the last one, in space and in memory.
 
 use rayon::prelude::*;
 
 /// Bits of the curve along each axis.
 const BITS: u32 = 20;
-/// A round has about eight times as many points as all before it together have.
+/// A round has about eight times as many points as all earlier rounds together.
 const BITS_A_ROUND: u32 = 3;
-/// Points in the first round, about.
+/// Approximate number of points in the first round.
 const FIRST_ROUND: usize = 64;
 
-/// A permutation of the points' indices; the same for the same points on any number of threads.
+/// A permutation of the points' indices, the same for the same points on any number of threads.
 pub(super) fn insertion_order(points: &[[f64; 3]]) -> Vec<u32> {
     let Some(&first) = points.first() else { return Vec::new() };
     let (low, high) = points.iter().fold((first, first), |(low, high), p| {

@@ -1,4 +1,16 @@
 //! Points in a tetrahedral mesh: which tetrahedron each is in, and where in it.
+//!
+//! ```
+//! use armature_geometry::TetrahedralMesh;
+//! use armature_geometry::embed::embed_points;
+//!
+//! let vertices = vec![[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
+//! let mesh = TetrahedralMesh { vertices, tetrahedra: vec![[0, 1, 2, 3]] };
+//! let embedding = embed_points(&mesh, &[[0.25, 0.25, 0.25], [0.0, 0.0, 2.0]], None)?;
+//! assert_eq!(embedding.barycentric, [[0.25; 4], [0.0, 0.0, 0.0, 1.0]]);
+//! assert_eq!(embedding.distance, [0.0, 1.0], "the second point lies outside");
+//! # Ok::<(), armature_geometry::embed::EmbedError>(())
+//! ```
 
 mod search;
 mod volume;
@@ -6,50 +18,51 @@ mod volume;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::hierarchy::closest_on_triangle;
-use crate::simplify::place::barycentric;
-use crate::{MeshError, Simplified, TetrahedralMesh};
+use crate::facets::FACETS;
+use crate::search::triangle_queries::{barycentric, closest_on_triangle};
+use crate::simplify::Simplified;
+use crate::{MeshError, TetrahedralMesh};
 use search::{Everywhere, Found, search_near};
-use volume::{FACES, Volume};
+use volume::Volume;
 
 /// Points further away than this many times the mesh's largest coordinate are refused.
 const FARTHEST: f64 = 1e60;
-/// Coordinates that name a place so much off, beside the tetrahedron's edges, are not well solved for.
+/// Coordinates whose place is off by more than this, relative to the tetrahedron's edges, were not solved well.
 const WELL_SOLVED: f64 = 1e-14;
 
-/// Points as they ride along with a volume.
+/// The places of points that move with a volume.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Embedding {
-    /// For each point a zero-based tetrahedron.
+    /// For each point, a zero-based tetrahedron.
     pub tetrahedra: Vec<u32>,
-    /// For each point its coordinates with respect to the tetrahedron's corners: none negative, sum 1. Outside of the
-    /// volume they are those of the nearest place on its boundary.
+    /// For each point, its coordinates with respect to the tetrahedron's corners: none negative, sum 1. For points
+    /// outside the volume they are those of the nearest place on its boundary.
     pub barycentric: Vec<[f64; 4]>,
-    /// For each point 0 inside and on the boundary, else how far it is from the place its coordinates name, in the
-    /// mesh's unit.
+    /// For each point, 0 inside and on the boundary, otherwise the distance from the place that its coordinates give,
+    /// in the mesh's unit.
     pub distance: Vec<f64>,
-    /// How many of the points were searched for everywhere, because there was no hint for them or it named no vertex
-    /// of a tetrahedron: they may be on the wrong side of a gap.
+    /// How many of the points were searched for everywhere, because there was no hint for them or the hint had no
+    /// vertex of a tetrahedron: they may be on the wrong side of a gap.
     pub searched_everywhere: usize,
 }
 
 /// Vertices of the volume around the place where a point belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SurfacePlaceHint {
-    /// Corners of a facet, as zero-based vertices of the tetrahedral mesh; [`Self::UNKNOWN`] in place of any.
+    /// Corners of a facet, as zero-based vertices of the tetrahedral mesh; [`Self::UNKNOWN`] for any that is not known.
     pub vertices: [u32; 3],
 }
 
 impl SurfacePlaceHint {
-    /// In place of a vertex that is not known.
+    /// Marks a vertex that is not known.
     pub const UNKNOWN: u32 = u32::MAX;
-    /// A hint that hints at nothing.
+    /// An empty hint.
     pub const NONE: Self = Self { vertices: [Self::UNKNOWN; 3] };
 }
 
 impl Simplified {
-    /// For each vertex simplified the vertices of a volume around its place on the coarse surface.
-    /// `volume_vertex` says for each coarse vertex which vertex of the volume it is, if any.
+    /// For each vertex of the simplified mesh, the vertices of a volume around its place on the coarse surface.
+    /// `volume_vertex` returns the vertex of the volume for each coarse vertex, if any.
     pub fn hints(&self, volume_vertex: impl Fn(u32) -> Option<u32>) -> Vec<SurfacePlaceHint> {
         let vertex = |v: u32| volume_vertex(v).unwrap_or(SurfacePlaceHint::UNKNOWN);
         let of_place = |triangle: u32| self.mesh.triangles.get(triangle as usize).map(|t| t.map(vertex));
@@ -80,22 +93,22 @@ pub enum EmbedError {
         /// Zero-based point.
         point: usize,
     },
-    /// A point is not in the same world.
+    /// A point is much too far away.
     #[error("point {point} is more than 1e60 times as far away as the volume is large; check its unit")]
     TooFar {
         /// Zero-based point.
         point: usize,
     },
-    /// Hints belong to points one by one.
-    #[error("there are {points} points, but {hints} hints; give one for each, if any")]
+    /// The number of hints is not the number of points.
+    #[error("there are {points} points, but {hints} hints; give one hint per point, or none")]
     HintCount {
         /// How many points there are.
         points: usize,
         /// How many hints there are.
         hints: usize,
     },
-    /// A hint names a vertex that is not there.
-    #[error("the hint for point {point} names vertex {vertex}, but there are only {vertex_count} vertices")]
+    /// A hint refers to a vertex that does not exist.
+    #[error("the hint for point {point} refers to vertex {vertex}, but there are only {vertex_count} vertices")]
     HintOutOfRange {
         /// Zero-based point.
         point: usize,
@@ -109,10 +122,10 @@ pub enum EmbedError {
 /// Finds n×3 `points` (mesh unit) in a tetrahedral mesh: the tetrahedron they are in, by exact signs, or the nearest
 /// place on the boundary.
 ///
-/// With hints, a point is searched for from the vertices hinted at, through tetrahedra and over facets that hang
-/// together, so that it comes to lie on its own side of a gap even where it is nearer to the other side or inside it.
-/// Any tetrahedra will do, in several pieces, of either orientation, also with some that have no volume. The result
-/// does not depend on the number of threads.
+/// With hints, a point is searched for from its hint's vertices, through connected tetrahedra and facets, so that it
+/// ends up on its own side of a gap even where it is closer to the other side or inside it. Any tetrahedra will do: in
+/// several pieces, of either orientation, even some without volume. The result does not depend on the number of
+/// threads.
 pub fn embed_points(
     mesh: &TetrahedralMesh,
     points: &[[f64; 3]],
@@ -188,19 +201,19 @@ fn placed(volume: &Volume, found: Found, point: DVec3) -> Placed {
     }
 }
 
-/// Coordinates of the place nearest to a point on the facet opposite a corner.
+/// Coordinates of the place closest to a point on the facet opposite a corner.
 fn on_facet(all: &[DVec3; 4], opposite: usize, point: DVec3) -> [f64; 4] {
-    let corners = FACES[opposite].map(|k| all[k]);
+    let corners = FACETS[opposite].map(|k| all[k]);
     let in_facet = barycentric(closest_on_triangle(point, &corners), &corners);
     let mut at = [0.0; 4];
-    for (k, coordinate) in FACES[opposite].into_iter().zip(in_facet) {
+    for (k, coordinate) in FACETS[opposite].into_iter().zip(in_facet) {
         at[k] = coordinate;
     }
     at
 }
 
-/// Coordinates of a point in a tetrahedron. One that is flat up to rounding has none to compute with, but a facet
-/// within rounding of the point.
+/// Coordinates of a point in a tetrahedron. For one that is flat up to rounding they cannot be computed, but a facet is
+/// then within rounding of the point.
 fn inside(corners: &[DVec3; 4], point: DVec3) -> [f64; 4] {
     let solved = solved_inside(corners, point);
     let off = |at: &[f64; 4]| residual(corners, *at, point).length_squared();
@@ -218,7 +231,7 @@ fn solved_inside(corners: &[DVec3; 4], point: DVec3) -> [f64; 4] {
     let normals = [edges[1].cross(edges[2]), edges[2].cross(edges[0]), edges[0].cross(edges[1])];
     let determinant = edges[0].dot(normals[0]);
     let mut at = [1.0, 0.0, 0.0, 0.0];
-    // The second round takes away most of the rounding of the first, which slivers multiply; none negative in between
+    // The second round removes most of the rounding of the first, which slivers amplify; none is negative in between
     // and afterwards, since the point is known to be inside.
     for _ in 0..3 {
         let off = residual(corners, at, point);

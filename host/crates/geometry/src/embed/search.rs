@@ -1,4 +1,4 @@
-//! Where a point is in a volume: near where it is said to be, or anywhere.
+//! Where a point is in a volume: near a hint, or anywhere.
 
 use std::cell::Cell;
 use std::cmp::Ordering;
@@ -6,12 +6,12 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::volume::{NONE, Volume};
-use crate::box_tree::{Bounds, BoxTree};
-use crate::hierarchy::closest_on_triangle;
-use crate::{MeshError, TriangleHierarchy, TriangleMesh};
+use crate::search::TriangleHierarchy;
+use crate::search::box_tree::{Bounds, BoxTree};
+use crate::search::triangle_queries::closest_on_triangle;
+use crate::{MeshError, TriangleMesh};
 
-/// Steps of a walk through tetrahedra before it may be going in circles, which walks in other than Delaunay
-/// tetrahedra can.
+/// Steps of a walk through tetrahedra before it may be cycling, which can happen in meshes that are not Delaunay.
 const MOST_STEPS: u32 = 512;
 
 /// What a search finds.
@@ -29,7 +29,7 @@ enum Walked {
     Lost,
 }
 
-/// Looks around `starts`, vertices of the volume, without ever leaving it; `None` if none of them is on it.
+/// Searches around `starts`, vertices of the volume, without ever leaving it; `None` if none of them is on it.
 pub(super) fn search_near(volume: &Volume, starts: [u32; 3], point: DVec3) -> Option<Found> {
     if let Some(inside) = containing_around(volume, starts, point) {
         return Some(Found::Inside(inside));
@@ -60,7 +60,8 @@ fn containing_around(volume: &Volume, vertices: [u32; 3], point: DVec3) -> Optio
     around.into_iter().find(|&t| volume.contains(t, point))
 }
 
-/// Squared distance and index of the facet of the boundary that cannot be bettered by stepping to one that shares a vertex, from facets at `starts`.
+/// Squared distance and index of the boundary facet that cannot be improved by stepping to one that shares a vertex,
+/// starting from facets at `starts`.
 fn nearest_facet<const K: usize>(volume: &Volume, starts: [u32; K], point: DVec3) -> Option<(f64, u32)> {
     let mut best = (f64::INFINITY, NONE);
     let look = |vertex: u32, best: &mut (f64, u32)| {
@@ -73,7 +74,7 @@ fn nearest_facet<const K: usize>(volume: &Volume, starts: [u32; K], point: DVec3
         }
     };
     starts.into_iter().for_each(|vertex| look(vertex, &mut best));
-    // Every step comes nearer, so that this ends.
+    // Every step comes closer, so this terminates.
     while best.1 != NONE {
         let before = best.1;
         volume.facet_vertices(before).into_iter().for_each(|vertex| look(vertex, &mut best));
@@ -92,7 +93,7 @@ fn walk(volume: &Volume, start: u32, point: DVec3) -> Walked {
         if beyond == [false; 4] {
             return Walked::Inside(at);
         }
-        // Another face first at every step, and not back: walks that always turn the same way go in circles.
+        // Starts with a different face at every step, and never goes back: walks that always turn the same way cycle.
         let turned = (0..4).map(|k| ((k + step) % 4) as usize);
         let next = turned.filter(|&k| beyond[k]).map(|k| volume.neighbours[at as usize][k]);
         let Some(next) = next.clone().find(|&t| t != NONE && t != from).or(next.into_iter().find(|&t| t != NONE))

@@ -1,16 +1,14 @@
-//! A tetrahedral mesh with what a search in it needs: who is next to whom, and where it ends.
+//! A tetrahedral mesh with what a search in it needs: neighbours and boundary.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::TetrahedralMesh;
+use crate::facets::{facet, sorted_sides};
 use crate::predicates::orientation;
 
-/// In place of a neighbour that is not there.
+/// Marks a missing neighbour.
 pub(super) const NONE: u32 = u32::MAX;
-/// Corners of the face opposite each corner.
-pub(super) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-
 #[derive(Debug)]
 pub(super) struct Volume<'a> {
     pub(super) mesh: &'a TetrahedralMesh,
@@ -99,7 +97,7 @@ impl<'a> Volume<'a> {
         self.mesh.tetrahedra[tetrahedron as usize].map(|v| self.positions[v as usize])
     }
 
-    /// Which faces `point` lies strictly beyond, exactly; `None` for a tetrahedron without volume.
+    /// Which faces `point` is strictly beyond, exactly; `None` for a tetrahedron without volume.
     pub(super) fn beyond(&self, tetrahedron: u32, point: DVec3) -> Option<[bool; 4]> {
         let sign = f64::from(self.orientations[tetrahedron as usize]);
         let corners = self.corners(tetrahedron).map(|p| p.to_array());
@@ -113,7 +111,7 @@ impl<'a> Volume<'a> {
         })
     }
 
-    /// Exactly, boundary included: where tetrahedra leave no gap between them, neither does this.
+    /// Exact, boundary included: where tetrahedra leave no gap between them, this test leaves none either.
     pub(super) fn contains(&self, tetrahedron: u32, point: DVec3) -> bool {
         let corners = self.corners(tetrahedron);
         let [a, b, c, d] = corners;
@@ -124,28 +122,19 @@ impl<'a> Volume<'a> {
 }
 
 fn facet_vertices(mesh: &TetrahedralMesh, (tetrahedron, opposite): (u32, u8)) -> [u32; 3] {
-    FACES[opposite as usize].map(|k| mesh.tetrahedra[tetrahedron as usize][k])
+    facet(mesh.tetrahedra[tetrahedron as usize], opposite as usize)
 }
 
-/// Neighbours across faces, and the faces without one. Of more than two tetrahedra at one face, pairs are neighbours.
+/// Neighbours across faces, and the faces without one. If more than two tetrahedra share a face, they are paired up.
 fn neighbours(mesh: &TetrahedralMesh) -> (Vec<[u32; 4]>, Vec<(u32, u8)>) {
-    let mut faces: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(4 * mesh.tetrahedra.len());
-    for t in 0..mesh.tetrahedra.len() as u32 {
-        for opposite in 0..4 {
-            let mut key = facet_vertices(mesh, (t, opposite));
-            key.sort_unstable();
-            faces.push((key, t, opposite));
-        }
-    }
-    faces.par_sort_unstable();
     let (mut neighbours, mut facets) = (vec![[NONE; 4]; mesh.tetrahedra.len()], Vec::new());
-    for same in faces.chunk_by(|a, b| a.0 == b.0) {
-        if let &[(_, t, opposite)] = same {
-            facets.push((t, opposite));
+    for same in sorted_sides(&mesh.tetrahedra).chunk_by(|a, b| a.corners == b.corners) {
+        if let [alone] = same {
+            facets.push((alone.tetrahedron, alone.opposite));
         }
         for pair in same.chunks_exact(2) {
-            neighbours[pair[0].1 as usize][pair[0].2 as usize] = pair[1].1;
-            neighbours[pair[1].1 as usize][pair[1].2 as usize] = pair[0].1;
+            neighbours[pair[0].tetrahedron as usize][pair[0].opposite as usize] = pair[1].tetrahedron;
+            neighbours[pair[1].tetrahedron as usize][pair[1].opposite as usize] = pair[0].tetrahedron;
         }
     }
     facets.sort_unstable();

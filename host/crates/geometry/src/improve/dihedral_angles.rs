@@ -5,10 +5,10 @@ use rayon::prelude::*;
 
 use crate::{MeshError, TetrahedralMesh};
 
-/// The dihedral angles of a tetrahedral mesh, six to each tetrahedron.
+/// The dihedral angles of a tetrahedral mesh, six per tetrahedron.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DihedralStatistics {
-    /// How many angles lie in [i°, i+1°), the last including 180°.
+    /// How many angles are in [i°, i+1°), the last including 180°.
     pub histogram: [usize; 180],
     /// Radians.
     pub smallest: f64,
@@ -22,14 +22,14 @@ impl DihedralStatistics {
         self.histogram.iter().sum()
     }
 
-    /// Which share of all angles, between 0 and 1, is smaller than a whole number of degrees.
+    /// The share of all angles, between 0 and 1, that are smaller than a whole number of degrees.
     pub fn share_below(&self, degrees: usize) -> f64 {
         let below: usize = self.histogram[..degrees.min(180)].iter().sum();
         below as f64 / self.count().max(1) as f64
     }
 }
 
-/// Tetrahedra to a task; counts and extremes do not depend on it.
+/// Tetrahedra per task; counts and extremes do not depend on it.
 const BLOCK: usize = 8192;
 
 /// The dihedral angles of every tetrahedron; those of flat ones are 0 or 180°, and 0 where a facet has no area.

@@ -1,17 +1,17 @@
-//! Optimisation-based smoothing: where inside a hole of facets a vertex makes the worst tetrahedron best.
+//! Optimisation-based smoothing: finds where inside a hole of facets a vertex makes the worst tetrahedron best.
 //!
-//! The worst is a maximum of smooth functions, climbed along the shortest convex combination of the gradients of those
-//! that are nearly worst (Freitag, Jones & Plassmann 1995; Klingner & Shewchuk 2008, section 3.2).
+//! The worst quality is climbed along the shortest convex combination of the gradients of those that are nearly worst
+//! (Freitag, Jones & Plassmann 1995; Klingner & Shewchuk 2008, section 3.2).
 
 use glam::DVec3;
 
 use super::quality::smallest_sine;
 
-/// Steps of the ascent. After few the worst hardly rises: it is other operations that are needed then.
+/// Steps of the ascent. After a few, the worst hardly rises: then other operations are needed.
 const MOST_STEPS: usize = 8;
 /// Halvings of one step.
 const MOST_HALVINGS: usize = 6;
-/// Tetrahedra this near to the worst (in sines) make the direction.
+/// Tetrahedra this close to the worst (in sines) determine the direction.
 const NEARLY_WORST: f64 = 0.03;
 /// Steps of the search for the shortest combination.
 const MOST_COMBINATIONS: usize = 30;
@@ -27,7 +27,17 @@ pub(super) struct Placed {
 
 /// Moves a vertex from `position` inside `hole`, facets counter-clockwise seen from outside, until the worst is at
 /// least `enough` or no step helps.
-pub(super) fn place_vertex(mut position: DVec3, hole: &[[DVec3; 3]], enough: f64) -> Placed {
+pub(super) fn place_vertex(position: DVec3, hole: &[[DVec3; 3]], enough: f64) -> Placed {
+    place_vertex_within(position, hole, enough, &|place| Some(place))
+}
+
+/// Like [`place_vertex`], but every step goes to the place that `allowed` gives for it, if it gives one.
+pub(super) fn place_vertex_within(
+    mut position: DVec3,
+    hole: &[[DVec3; 3]],
+    enough: f64,
+    allowed: &dyn Fn(DVec3) -> Option<DVec3>,
+) -> Placed {
     let sine = |facet: &[DVec3; 3], p: DVec3| smallest_sine([facet[0], facet[2], facet[1], p]);
     let size = hole.iter().flatten().fold(0.0, |most: f64, v| most.max(v.distance_squared(position))).sqrt();
     let mut sines: Vec<f64> = hole.iter().map(|facet| sine(facet, position)).collect();
@@ -59,8 +69,8 @@ pub(super) fn place_vertex(mut position: DVec3, hole: &[[DVec3; 3]], enough: f64
         }
         let mut improved = false;
         for _ in 0..MOST_HALVINGS {
-            let there = position + direction * length;
-            if hole.iter().all(|facet| sine(facet, there) > worst) {
+            let there = allowed(position + direction * length);
+            if let Some(there) = there.filter(|&there| hole.iter().all(|facet| sine(facet, there) > worst)) {
                 position = there;
                 sines.iter_mut().zip(hole).for_each(|(value, facet)| *value = sine(facet, there));
                 improved = true;

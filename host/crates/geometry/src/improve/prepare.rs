@@ -2,22 +2,25 @@
 
 use glam::DVec3;
 
-use super::ImproveError;
 use super::complex::Complex;
-use super::facets::{Facets, NONE, facet};
+use super::error::ImproveError;
+use super::facets::{Facets, NONE};
+use super::loose::{BoundaryGive, Loose};
 use crate::TetrahedralMesh;
+use crate::facets::facet;
 use crate::predicates::orientation;
+use crate::vectors::is_flatter;
 
-/// Slots are named in 32 bits and their facets by four times that.
+/// Slots are addressed in 32 bits and their facets by four times that.
 const MOST_TETRAHEDRA: usize = 1 << 28;
 /// Coordinates below this would lose bits when scaled back.
 const SMALLEST_SIZE: f64 = 1e-200;
-/// Heights below this part of the longest edge count as flat.
+/// Heights below this fraction of the longest edge count as flat.
 const FLAT: f64 = 1e-9;
 
 pub(super) struct Prepared {
     pub(super) complex: Complex,
-    /// Powers of two that positions were multiplied by.
+    /// The power of two that positions were multiplied by.
     shift: i32,
     /// Facets of the boundary as they were, each turned to its smallest corner, sorted.
     boundary: Vec<[u32; 3]>,
@@ -29,11 +32,21 @@ pub(super) struct Finished {
     pub(super) flat_at_boundary: Vec<u32>,
 }
 
-pub(super) fn prepare(mesh: &TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]]) -> Result<Prepared, ImproveError> {
+pub(super) fn prepare(
+    mesh: &TetrahedralMesh,
+    fixed: &[bool],
+    locked: &[[u32; 3]],
+    give: Option<&BoundaryGive<'_>>,
+) -> Result<Prepared, ImproveError> {
     mesh.validate()?;
     let vertices = mesh.vertices.len();
     if fixed.len() != vertices {
         return Err(ImproveError::FixedLength { given: fixed.len(), vertices });
+    }
+    if let Some(give) = give
+        && let Some(far) = [give.recede, give.bulge].into_iter().find(|far| far.len() != vertices)
+    {
+        return Err(ImproveError::GiveLength { given: far.len(), vertices });
     }
     if mesh.tetrahedra.len() > MOST_TETRAHEDRA || vertices > MOST_TETRAHEDRA {
         return Err(ImproveError::TooMany { tetrahedra: mesh.tetrahedra.len(), most: MOST_TETRAHEDRA });
@@ -45,24 +58,30 @@ pub(super) fn prepare(mesh: &TetrahedralMesh, fixed: &[bool], locked: &[[u32; 3]
     let shift = -libm::ilogb(largest);
     let positions: Vec<DVec3> = mesh.vertices.iter().map(|&p| DVec3::from(p.map(|c| libm::scalbn(c, shift)))).collect();
     check_orientation(&positions, &mesh.tetrahedra)?;
-    let facets = Facets::gather(vertices, &mesh.tetrahedra);
+    let facets = Facets::gather(&mesh.tetrahedra);
     let neighbours = facets.neighbours(mesh.tetrahedra.len())?;
     let mut pinned = fixed.to_vec();
     let mut locked_sides = vec![0_u8; mesh.tetrahedra.len()];
     for (index, &corners) in locked.iter().enumerate() {
-        let mut found = false;
-        for side in facets.sides(corners) {
-            locked_sides[side as usize / 4] |= 1 << (side % 4);
-            found = true;
+        let sides = facets.sides(corners);
+        for side in sides {
+            locked_sides[side.tetrahedron as usize] |= 1 << side.opposite;
         }
-        if !found {
+        if sides.is_empty() {
             return Err(ImproveError::LockedFacetMissing { index, facet: corners });
         }
         corners.iter().for_each(|&v| pinned[v as usize] = true);
     }
     let boundary = boundary(&mesh.tetrahedra, &neighbours);
-    boundary.iter().flatten().for_each(|&v| pinned[v as usize] = true);
-    let complex = Complex::new(positions, mesh.tetrahedra.clone(), neighbours, pinned, locked_sides);
+    let mut may_give = vec![false; vertices];
+    for &v in boundary.iter().flatten() {
+        may_give[v as usize] = !fixed[v as usize];
+        pinned[v as usize] = true;
+    }
+    let mut complex = Complex::new(positions, mesh.tetrahedra.clone(), neighbours, pinned, locked_sides);
+    if let Some(give) = give {
+        complex.loosen(Loose::new(give, may_give, |far| libm::scalbn(far, shift)));
+    }
     Ok(Prepared { complex, shift, boundary })
 }
 
@@ -77,22 +96,21 @@ fn check_orientation(positions: &[DVec3], tetrahedra: &[[u32; 4]]) -> Result<(),
     }
 }
 
-/// Plain arrays again. Input whose tetrahedra overlap without meeting could have been made worse; so everything that
-/// was promised is checked on the result.
+/// Converts back to plain arrays. Input whose tetrahedra overlap without meeting could have become worse, so every
+/// guarantee is checked on the result.
 pub(super) fn finish(prepared: &Prepared, mesh: &TetrahedralMesh) -> Result<Finished, ImproveError> {
     let complex = &prepared.complex;
     let mut vertices = mesh.vertices.clone();
-    vertices.resize(complex.positions.len(), [0.0; 3]);
-    for ((vertex, position), pinned) in vertices.iter_mut().zip(&complex.positions).zip(&complex.pinned) {
-        if !pinned {
+    vertices.resize(complex.positions().len(), [0.0; 3]);
+    for ((index, vertex), position) in (0..).zip(&mut vertices).zip(complex.positions()) {
+        if !complex.is_pinned(index) || complex.may_give(index) {
             *vertex = position.to_array().map(|c| libm::scalbn(c, -prepared.shift));
         }
     }
-    let tetrahedra: Vec<[u32; 4]> = complex.corners.iter().filter(|t| t[0] != NONE).copied().collect();
-    let neighbours = Facets::gather(vertices.len(), &tetrahedra)
-        .neighbours(tetrahedra.len())
-        .map_err(|_| ImproveError::Overlapping)?;
-    let same_boundary = boundary(&tetrahedra, &neighbours) == prepared.boundary;
+    let tetrahedra: Vec<[u32; 4]> = complex.alive().collect();
+    let neighbours = Facets::gather(&tetrahedra).neighbours(tetrahedra.len()).map_err(|_| ImproveError::Overlapping)?;
+    let may_differ = complex.loose.is_some();
+    let same_boundary = may_differ || boundary(&tetrahedra, &neighbours) == prepared.boundary;
     if !same_boundary || !tetrahedra.iter().all(|&t| complex.is_positive(t)) {
         return Err(ImproveError::Overlapping);
     }
@@ -122,17 +140,7 @@ fn boundary(tetrahedra: &[[u32; 4]], neighbours: &[[u32; 4]]) -> Vec<[u32; 3]> {
 
 fn flat_at_boundary(complex: &Complex, tetrahedra: &[[u32; 4]], neighbours: &[[u32; 4]]) -> Vec<u32> {
     let is_flat = |&(index, corners): &(usize, &[u32; 4])| {
-        if !neighbours[index].contains(&NONE) {
-            return false;
-        }
-        let [a, b, c, d] = corners.map(|v| complex.at(v));
-        let six_volumes = (b - a).dot((c - a).cross(d - a));
-        let edges = [b - a, c - a, d - a, c - b, d - b, d - c];
-        let longest = edges.iter().fold(0.0, |most: f64, e| most.max(e.length()));
-        // The smallest height is over the largest facet.
-        let normals = [(b - a).cross(c - a), (b - a).cross(d - a), (c - a).cross(d - a), (c - b).cross(d - b)];
-        let largest = normals.iter().fold(0.0, |most: f64, n| most.max(n.length()));
-        six_volumes <= FLAT * longest * largest
+        neighbours[index].contains(&NONE) && is_flatter(corners.map(|v| complex.at(v)), FLAT)
     };
     tetrahedra.iter().enumerate().filter(is_flat).map(|(index, _)| index as u32).collect()
 }

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 /// The smallest sine of the six dihedral angles of the tetrahedron `a b c d`, below zero if it is inside out.
 ///
-/// An angle near 180° counts as badly as one near 0° (a flat tetrahedron has both). The sine at the edge i j is
-/// `6V·l / (|n_k|·|n_l|)`, with the facets' normals of twice their areas. Edges below about 1e-19, in a mesh of size 1, make
+/// An angle near 180° is as bad as one near 0° (a flat tetrahedron has both). The sine at the edge i j is `6V·l /
+/// (|n_k|·|n_l|)`, where the facets' normals have twice their areas. Edges below about 1e-19, in a mesh of size 1, make
 /// it zero.
 pub(super) fn smallest_sine([a, b, c, d]: [DVec3; 4]) -> f64 {
     let (ab, ac, ad) = (b - a, c - a, d - a);

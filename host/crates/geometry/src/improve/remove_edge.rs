@@ -1,17 +1,17 @@
 //! Edge removal: the tetrahedra around an edge give way to the best triangulation of the ring around it, found by
 //! Klincsek's dynamic programme (Freitag & Ollivier-Gooch 1997; Klingner & Shewchuk 2008, section 3.1).
 
-use super::Candidate;
+use super::candidate::Candidate;
 use super::complex::{Complex, EDGES_FIRST};
 
-/// Corners of a ring. Rings of more rarely help, and the programme grows with the cube.
+/// Most corners of a ring. Larger rings rarely help, and the cost grows with the cube.
 const MOST_AROUND: usize = 10;
 
-/// The best there is in place of edge `edge` of `tetrahedron`, if it beats `at_least`.
+/// The best replacement for edge `edge` of `tetrahedron`, if it beats `at_least`.
 pub(super) fn remove_edge(complex: &Complex, tetrahedron: u32, edge: usize, at_least: f64, best: &mut Candidate) {
     let mut ring = [0; MOST_AROUND];
     let mut around = [0; MOST_AROUND];
-    let corners = EDGES_FIRST[edge].map(|k| complex.corners[tetrahedron as usize][k]);
+    let corners = EDGES_FIRST[edge].map(|k| complex.corners(tetrahedron)[k]);
     let Some(count) = walk_around(complex, tetrahedron, corners, &mut ring, &mut around) else { return };
     let [p, q, ..] = corners;
     // value[i][j]: the worst tetrahedron of the best triangulation of the ring from i to j; apex[i][j]: its triangle.
@@ -57,8 +57,8 @@ pub(super) fn remove_edge(complex: &Complex, tetrahedron: u32, edge: usize, at_l
     }
 }
 
-/// The vertices around an edge counter-clockwise, with the tetrahedron from each to the next; `None` if the edge has
-/// to stay or has too many.
+/// The vertices around an edge counter-clockwise, with the tetrahedron from each to the next; `None` if the edge must
+/// stay or has too many.
 fn walk_around(
     complex: &Complex,
     tetrahedron: u32,
@@ -74,7 +74,7 @@ fn walk_around(
         if here == tetrahedron {
             return (count >= 2).then_some(count + 1);
         }
-        let next = *complex.corners[here as usize].iter().find(|&&v| v != p && v != q && v != to)?;
+        let next = complex.corners(here).into_iter().find(|&v| v != p && v != q && v != to)?;
         (from, to) = (to, next);
     }
     None

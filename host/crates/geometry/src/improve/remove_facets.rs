@@ -1,11 +1,11 @@
-//! Facet removal, the reverse of edge removal: facets between the same two vertices give way to an edge between these
-//! (the 2-3 flip, and Shewchuk's multi-facet removal: Klingner & Shewchuk 2008, section 3.1).
+//! Facet removal, the reverse of edge removal: facets between the same two vertices give way to an edge between those
+//! vertices (the 2-3 flip, and Shewchuk's multi-facet removal: Klingner & Shewchuk 2008, section 3.1).
 
-use super::Candidate;
+use super::candidate::Candidate;
 use super::complex::Complex;
-use super::facets::facet;
+use crate::facets::facet;
 
-/// Facets removed at once.
+/// Most facets removed at once.
 const MOST_FACETS: usize = 8;
 
 struct Removal<'a> {
@@ -18,7 +18,7 @@ struct Removal<'a> {
     new: Vec<[u32; 4]>,
 }
 
-/// The best there is in place of facet `k` of `tetrahedron` and those beside it, if it beats `at_least`.
+/// The best replacement for facet `k` of `tetrahedron` and those beside it, if it beats `at_least`.
 pub(super) fn remove_facets(
     complex: &Complex,
     tetrahedron: u32,
@@ -29,7 +29,7 @@ pub(super) fn remove_facets(
 ) {
     let Some(other) = complex.across(tetrahedron, k) else { return };
     let Some(above) = complex.apex_towards(other, tetrahedron) else { return };
-    let corners = complex.corners[tetrahedron as usize];
+    let corners = complex.corners(tetrahedron);
     let old = vec![tetrahedron, other];
     let mut removal = Removal { complex, below: corners[k], above, goal, old, new: Vec::new() };
     let [x, y, z] = facet(corners, k);
@@ -59,13 +59,13 @@ impl Removal<'_> {
         stop
     }
 
-    /// Removes the facet across the edge as well, if there is one between the same two vertices and it is worth it.
+    /// Also removes the facet across the edge, if there is one between the same two vertices and it is worth it.
     fn next_facet(&mut self, [x, y]: [u32; 2], lower: u32, upper: u32, at_least: f64) -> Option<f64> {
         if self.old.len() >= 2 * MOST_FACETS {
             return None;
         }
         let next = |tetrahedron: u32, apex: u32| {
-            let corners = self.complex.corners[tetrahedron as usize];
+            let corners = self.complex.corners(tetrahedron);
             let k = corners.iter().position(|&v| v != apex && v != x && v != y)?;
             let next = self.complex.across(tetrahedron, k)?;
             Some((next, self.complex.apex_towards(next, tetrahedron)?))

@@ -1,10 +1,12 @@
-//! What is inside, as a mesh of its own, measured.
+//! The inside as a mesh of its own, with its measurements.
 
+use super::domain::{PlanarDomain, PlanarReport};
+use super::error::PlanarError;
+use super::input::{PlanarInput, PlanarSettings};
 use super::inside::{Inside, NO_PIECE};
 use super::outline::{Outline, doubled_area};
 use super::places::Places;
 use super::triangulate::Triangulated;
-use super::{PlanarDomain, PlanarError, PlanarInput, PlanarReport, PlanarSettings};
 
 const DROPPED: u32 = u32::MAX;
 

@@ -1,12 +1,12 @@
-//! Segments that run through the vertices that lie on them.
+//! Segments that pass through the vertices on them.
 
 use glam::DVec2;
 
-/// A vertex nearer to a segment than this, where the outline is about 1 across, lies on it. Between the two there
+/// A vertex closer to a segment than this, where the outline is about 1 across, counts as on it. Between the two there
 /// would be nothing but slivers.
 pub(super) const ON: f64 = 1e-9;
 
-/// Cuts segments wherever one of `places` lies on them; each part once, whichever way it runs, and none without a
+/// Cuts segments wherever one of `places` is on them; each part occurs once, in either direction, and none has zero
 /// length.
 pub(super) fn conform(places: &[[f64; 2]], segments: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let mut by_x: Vec<u32> = (0..places.len() as u32).collect();

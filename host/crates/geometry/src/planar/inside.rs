@@ -4,34 +4,36 @@ use std::ops::ControlFlow;
 
 use glam::DVec2;
 
+use super::error::PlanarError;
+use super::input::PlanarSettings;
 use super::outline::{Outline, doubled_area};
 use super::triangulate::Triangulated;
-use super::{PlanarError, PlanarSettings};
 use crate::segmentation::{ElementWindingSettings, Label, element_winding, graph_cut_with_forced_labels};
-use crate::{WindingNumberHierarchy2d, vertex_triangles};
+use crate::surface::vertex_triangles;
+use crate::winding::WindingNumberHierarchy2d;
 
-/// A bone that touches a triangle with less than this of itself does not run through it.
+/// A bone that has less than this of its length in a triangle does not pass through it.
 const TOUCHES: f64 = 1e-9;
 
-/// What was chosen.
+/// The chosen labels.
 #[derive(Clone, Debug)]
 pub(super) struct Inside {
-    /// Mean winding number of every triangle, of the outline turned over if that was so.
+    /// Mean winding number of every triangle, for the reversed outline if it was reversed.
     pub(super) winding: Vec<f64>,
     /// The piece of every triangle inside, connected through edges; `NO_PIECE` outside.
     pub(super) piece_of: Vec<u32>,
     pub(super) pieces: usize,
-    /// Pieces that bones run through.
+    /// Pieces that bones pass through.
     pub(super) pieces_with_bones: usize,
-    /// Triangles that were made inside because a bone runs through them.
+    /// Triangles that were made inside because a bone passes through them.
     pub(super) bridging: usize,
     pub(super) turned_over: bool,
 }
 
 pub(super) const NO_PIECE: u32 = u32::MAX;
 
-/// Segments triangles by winding number and graph cut (thesis 8.5.1). If bones then run through several pieces, what
-/// they cross between the pieces is asked to be inside as well. `bones` lists the vertices along each.
+/// Segments triangles by winding number and graph cut (thesis 8.5.1). If bones then pass through several pieces, what
+/// they cross between the pieces is forced to be inside as well. `bones` lists the vertices along each.
 pub(super) fn inside(
     outline: &Outline,
     mesh: &Triangulated,
@@ -42,7 +44,7 @@ pub(super) fn inside(
     let exact = WindingNumberHierarchy2d::precompute(&outline.vertices, &outline.segments)?;
     let quadrature = ElementWindingSettings::default();
     let evaluate = |p: [f64; 2]| exact.evaluate(p);
-    let mut winding = element_winding(&mesh.vertices, &mesh.triangles, &[], &evaluate, &quadrature, &mut |done| {
+    let mut winding = element_winding(&mesh.vertices, &mesh.triangles, &[], &evaluate, &quadrature, &mut |_, done| {
         progress(0.5 * done)
     })?
     .means;
@@ -63,7 +65,7 @@ pub(super) fn inside(
         .collect();
     let mut forced = vec![Label::Free; winding.len()];
     let mut cut = |forced: &[Label], from: f64| {
-        let mut part = |done: f64| progress(from + 0.25 * done);
+        let mut part = |_: &str, done: f64| progress(from + 0.25 * done);
         let cut = graph_cut_with_forced_labels(&winding, &mesh.neighbours, &lengths, forced, &settings.cut, &mut part)?;
         let (piece_of, pieces) = pieces(&mesh.neighbours, &cut.inside);
         Ok::<_, PlanarError>((cut.inside, piece_of, pieces))
@@ -106,8 +108,8 @@ fn pieces(neighbours: &[[u32; 3]], inside: &[bool]) -> (Vec<u32>, usize) {
     (piece_of, count as usize)
 }
 
-/// The smallest number of pieces that have, between them, all vertices of bones that are in any; a vertex where
-/// pieces touch counts for one that another vertex is in.
+/// The smallest number of pieces that together have all vertices of bones that are in any piece; a vertex where pieces
+/// touch counts for one that another vertex is in.
 fn pieces_with_bones(mesh: &Triangulated, piece_of: &[u32], bones: &[Vec<u32>]) -> usize {
     let fans = vertex_triangles(mesh.vertices.len(), &mesh.triangles);
     let mut at_one: Vec<u32> = Vec::new();
@@ -134,7 +136,7 @@ fn pieces_with_bones(mesh: &Triangulated, piece_of: &[u32], bones: &[Vec<u32>]) 
     at_one.len()
 }
 
-/// Triangles outside that bones run through, and all around the ends of the stretches where they do so, ascending.
+/// Triangles outside that bones pass through, and all around the ends of those stretches, ascending.
 fn crossed_outside(mesh: &Triangulated, inside: &[bool], bones: &[Vec<u32>]) -> Vec<u32> {
     let fans = vertex_triangles(mesh.vertices.len(), &mesh.triangles);
     let mut found = Vec::new();
@@ -160,7 +162,7 @@ fn crossed_outside(mesh: &Triangulated, inside: &[bool], bones: &[Vec<u32>]) -> 
     found
 }
 
-/// Whether a segment has more than a touch in a triangle or on its edges.
+/// Whether a segment does more than touch a triangle or its edges.
 fn runs_through(mesh: &Triangulated, triangle: usize, [from, to]: [DVec2; 2]) -> bool {
     let corners = mesh.triangles[triangle].map(|v| DVec2::from(mesh.vertices[v as usize]));
     let size = corners[0].distance(corners[1]);

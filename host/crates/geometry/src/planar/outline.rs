@@ -1,11 +1,13 @@
-//! What the input's outline is, in a frame where every predicate is exact.
+//! The input's outline, in a frame where every predicate is exact.
 
-use super::{PlanarError, PlanarInput, PlanarShape};
-use crate::winding_number::validate_2d;
-use crate::{MeshError, TriangleMesh, weld_vertices};
+use super::error::PlanarError;
+use super::input::{PlanarInput, PlanarShape};
+use crate::TriangleMesh;
+use crate::surface::weld_vertices;
+use crate::winding::segments::validate_2d;
 
-/// From the input's coordinates to ones between 1 and 4, the outline between 1.5 and 3.5. None is near zero, so that no
-/// product in a predicate underflows; what is lost by that is the last 10⁻¹⁵ of the outline's size.
+/// From the input's coordinates to ones between 1 and 4, with the outline between 1.5 and 3.5. None is near zero, so no
+/// product in a predicate underflows; the price is the last 10⁻¹⁵ of the outline's size.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     centre: [f64; 2],
@@ -40,7 +42,7 @@ impl Frame {
         [0, 1].map(|k| (p[k] - MIDDLE) / self.scale + self.centre[k])
     }
 
-    /// What a length of the input is multiplied by.
+    /// The factor from lengths of the input.
     pub(super) fn scale(&self) -> f64 {
         self.scale
     }
@@ -84,8 +86,8 @@ pub(super) fn outline_of(input: &PlanarInput) -> Result<Outline, PlanarError> {
     Ok(Outline { frame, vertices, segments })
 }
 
-/// The segments around a flat mesh, whichever way its triangles run: each triangle counts counter-clockwise, and
-/// edges that others run along the other way cancel. Vertices at one place count as one.
+/// The segments around a flat mesh, whatever the orientation of its triangles: each triangle counts as
+/// counter-clockwise, and edges used in both directions cancel. Vertices at one place count as one.
 fn boundary(vertices: &[[f64; 2]], triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let weld = weld_vertices(&vertices.iter().map(|&[x, y]| [x, y, 0.0]).collect::<Vec<_>>(), 0.0);
     let first = |v: u32| weld.representative[weld.welded_of[v as usize] as usize];
@@ -118,10 +120,4 @@ fn boundary(vertices: &[[f64; 2]], triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
 pub(super) fn doubled_area(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     let [a, b, c] = [a, b, c].map(|[x, y]| robust::Coord { x, y });
     robust::orient2d(a, b, c)
-}
-
-impl From<MeshError> for PlanarError {
-    fn from(error: MeshError) -> Self {
-        Self::Shape(error)
-    }
 }

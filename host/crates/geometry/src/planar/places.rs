@@ -1,16 +1,16 @@
-//! Where vertices have to be: those of the input, samples along bones, point handles.
+//! Where vertices must be: those of the input, samples along bones, point handles.
 
+use super::input::{PlanarInput, PlanarShape};
 use super::outline::Outline;
 use super::samples::samples;
-use super::{PlanarInput, PlanarShape};
-use crate::weld_vertices;
+use crate::surface::weld_vertices;
 
-/// Handles outside of this, where the outline is between 1.5 and 3.5, need no vertex: there is no inside.
+/// Handles outside this range (the outline is between 1.5 and 3.5) need no vertex: nothing is inside there.
 const NEAR: std::ops::RangeInclusive<f64> = 1.25..=3.75;
-/// A handle nearer than this to a vertex of the outline or to another handle sits on it.
+/// A handle closer than this to a vertex of the outline or to another handle shares its vertex.
 const SAME: f64 = 1e-6;
 
-/// Different places, in the outline's frame and in the input's coordinates, and who is at which.
+/// Distinct places, in the outline's frame and in the input's coordinates, and what is at each.
 #[derive(Clone, Debug)]
 pub(super) struct Places {
     pub(super) unit: Vec<[f64; 2]>,
@@ -78,7 +78,7 @@ struct All {
 }
 
 impl All {
-    /// The index of a handle, a new one unless something is there already; `None` if it is far out.
+    /// The index of a handle, a new one unless something is already there; `None` if it is far out.
     fn add(&mut self, p: [f64; 2], exactly: [f64; 2]) -> Option<usize> {
         if !p.iter().all(|c| NEAR.contains(c)) {
             return None;

@@ -4,15 +4,15 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use crate::{MeshError, TriangleMesh};
 
-/// A mesh is flat if nothing lies farther from its plane than this, in its size.
+/// A mesh is flat if no vertex is farther from its plane than this, relative to its size.
 const FLAT: f64 = 1e-9;
 
 /// The plane of a flat mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshPlane {
-    /// Takes positions in space to positions whose third coordinate is zero up to `deviation`. Lengths stay, and in the
-    /// plane z = 0 the first two coordinates are the mesh's own. The plane is seen from the side that its normal's
-    /// largest coordinate is positive on, with +Y up, or with -Z up where it is nearly horizontal.
+    /// Takes positions in space to positions whose third coordinate is zero up to `deviation`. Lengths are preserved,
+    /// and in the plane z = 0 the first two coordinates are the mesh's own. The plane is seen from the side where its
+    /// normal's largest coordinate is positive, with +Y up, or with -Z up if it is nearly horizontal.
     pub plane_from_world: DAffine3,
     /// The largest distance of a vertex from the plane, in the mesh's unit.
     pub deviation: f64,
@@ -36,14 +36,14 @@ impl MeshPlane {
         }
     }
 
-    /// Where in the plane a point of space lies, or the foot of its perpendicular.
+    /// Coordinates in the plane of a point in space, or of the foot of its perpendicular.
     pub fn in_plane(&self, point: [f64; 3]) -> [f64; 2] {
         let p = self.plane_from_world.transform_point3(point.into());
         [p.x, p.y]
     }
 }
 
-/// The plane that all vertices of a mesh lie in, to 1e-9 of its size; `None` if they lie in none or on one line.
+/// The plane that contains all vertices of a mesh, to 1e-9 of its size; `None` if there is none or all are on one line.
 pub fn plane_of(mesh: &TriangleMesh) -> Result<Option<MeshPlane>, MeshError> {
     mesh.validate()?;
     let at = |index: usize| DVec3::from(mesh.vertices[index]);

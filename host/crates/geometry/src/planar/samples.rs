@@ -1,15 +1,15 @@
-//! Where along bones vertices are wanted.
+//! Where vertices are needed along bones.
 
 use glam::DVec2;
 
-/// Samples of one bone at most.
+/// Most samples of one bone.
 const MOST: f64 = 5000.0;
-/// Distance between samples, in the size that the mesh is going to have there: a little less, so that no element
-/// spans two of them.
+/// Distance between samples, relative to the local size of the mesh: a little less, so that no element spans two of
+/// them.
 const SPACING: f64 = 0.7;
 
-/// Points along a bone from end to end. They lie as near to each other as the mesh of an outline with triangles of
-/// size `largest` is fine around them: up to the distance to the nearest segment of the outline, or its length.
+/// Points along a bone from end to end. Their spacing is that of the surrounding mesh of an outline with triangles of
+/// size `largest`: up to the distance to the nearest segment of the outline, or that segment's length.
 pub(super) fn samples(
     bone: [[f64; 2]; 2],
     vertices: &[[f64; 2]],

@@ -1,4 +1,4 @@
-//! Constrained Delaunay triangles of an outline, refined (Ruppert 1995, as the crate `spade` does it).
+//! Constrained Delaunay triangles of an outline, refined (Ruppert 1995, as implemented by the crate `spade`).
 
 use spade::handles::FixedVertexHandle;
 use spade::{
@@ -7,11 +7,13 @@ use spade::{
 };
 
 use super::conform::ON;
+use super::domain::Refinement;
+use super::error::PlanarError;
+use super::input::PlanarSettings;
 use super::outline::doubled_area;
-use super::{PlanarError, PlanarSettings, Refinement};
 
-/// Triangles with a smaller area, where the outline is about 1 across, are not refined: circumcentres and midpoints
-/// of larger ones are exact enough to lie where they should.
+/// Triangles with a smaller area, where the outline is about 1 across, are not refined: circumcentres and midpoints of
+/// larger ones are accurate enough to be where they should.
 const SMALLEST_AREA: f64 = 1e-18;
 /// Corners of the box around everything. Weighted means of two of these coordinates stay exactly on the side between
 /// two corners, as they are powers of two.
@@ -20,7 +22,7 @@ const BOX: [[f64; 2]; 4] = [[1.0, 1.0], [4.0, 1.0], [4.0, 4.0], [1.0, 4.0]];
 /// Triangles over a box around the outline.
 #[derive(Clone, Debug)]
 pub(super) struct Triangulated {
-    /// Positions, those asked for first.
+    /// Positions, the requested ones first.
     pub(super) vertices: Vec<[f64; 2]>,
     /// Counter-clockwise.
     pub(super) triangles: Vec<[u32; 3]>,
@@ -33,8 +35,8 @@ pub(super) struct Triangulated {
 
 type Cdt = ConstrainedDelaunayTriangulation<Point2<f64>>;
 
-/// Triangulates `places`, all different and between 1 and 4, so that `segments` are
-/// edges or chains of edges. `largest` bounds edges roughly.
+/// Triangulates `places`, all distinct and between 1 and 4, so that `segments` are edges or chains of edges. `largest`
+/// is a rough bound on edges.
 pub(super) fn triangulate(
     places: &[[f64; 2]],
     segments: &[[u32; 2]],
@@ -71,7 +73,7 @@ pub(super) fn triangulate(
     Ok(Triangulated { vertices, triangles, neighbours, refinement, crossings })
 }
 
-/// Makes edges of all segments and splits those that cross; returns how often that was.
+/// Makes edges of all segments and splits those that cross; returns the number of crossings.
 fn constrain(cdt: &mut Cdt, segments: &[[u32; 2]], most: usize) -> Result<usize, PlanarError> {
     let handle = |v: u32| FixedVertexHandle::from_index(v as usize);
     let mut wanted: Vec<[FixedVertexHandle; 2]> = Vec::new();
@@ -107,7 +109,7 @@ fn constrain(cdt: &mut Cdt, segments: &[[u32; 2]], most: usize) -> Result<usize,
     Ok(crossings)
 }
 
-/// The vertex at a place, or so near to it that it can stand for it, or else a new one.
+/// The vertex at a place, or one so close that it can be used instead, or else a new one.
 fn vertex_at(cdt: &mut Cdt, place: Point2<f64>) -> Result<FixedVertexHandle, PlanarError> {
     let around: Vec<FixedVertexHandle> = match cdt.locate(place) {
         PositionInTriangulation::OnFace(face) => cdt.face(face).vertices().map(|v| v.fix()).to_vec(),

@@ -1,23 +1,23 @@
-//! Pieces of a segmentation, and chains of elements that join what has to be in one piece.
+//! Pieces of a segmentation, and chains of elements that join what must be in one piece.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::ControlFlow;
 
 use super::energy::{OUTSIDE, is_plausible, twins};
-use super::graph_cut::SegmentationError;
-
-/// Elements taken from the queue between two looks at `progress`.
+use super::error::SegmentationError;
+use crate::progress::{Progress, stage};
+/// Elements taken from the queue between two progress reports.
 const REPORT_EVERY: usize = 8192;
-/// Even an element with a winding number of one costs this share of its volume, so that of two free ways the one
-/// through less volume is taken.
+/// Even an element with a winding number of one costs this share of its volume, so that of two free paths the one
+/// through less volume is chosen.
 const LEAST_COST: f64 = 1e-3;
 const NONE: u32 = u32::MAX;
 
-/// The pieces of inside elements that hang together by facets.
+/// The pieces of inside elements that are connected through facets.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ConnectedPieces {
-    /// For each element its piece, `u32::MAX` if it is outside. Pieces are numbered by their first elements.
+    /// For each element, its piece; `u32::MAX` if it is outside. Pieces are numbered by their first elements.
     pub piece_of: Vec<u32>,
     /// How many elements each piece has.
     pub sizes: Vec<usize>,
@@ -69,33 +69,33 @@ pub struct AddedChain {
     pub group: usize,
     /// The vertex that it reaches, at whose elements it ends.
     pub vertex: u32,
-    /// The elements that were outside, from the vertex to what was joined before. Empty if the vertex needed none.
+    /// The elements that were outside, from the vertex to what was joined before. Empty if none was needed.
     pub elements: Vec<u32>,
-    /// Volume of these elements, each times how much its winding number falls short of one: how much of what the
-    /// surface leaves outside had to be taken in.
+    /// The volume of these elements, each times how far its winding number falls short of one: how much of what the
+    /// surface leaves outside had to be included.
     pub shortfall: f64,
 }
 
-/// An inside in which every group of vertices lies in one piece.
+/// An inside in which every group of vertices is in one piece.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Connected {
-    /// The labels, with the chains inside.
+    /// The labels, including the chains.
     pub inside: Vec<bool>,
     /// The chains that were needed, in the order they were added.
     pub added: Vec<AddedChain>,
-    /// Group and vertex of those that no way through the elements reaches, and vertices of no element.
+    /// Group and vertex of those that no path through the elements reaches, and vertices of no element.
     pub unreachable: Vec<(usize, u32)>,
 }
 
-/// Joins each group of vertices, such as samples along the bones of one skeleton, in one facet-connected piece of
-/// the inside, by labelling the cheapest chains of elements inside.
+/// Joins each group of vertices, such as samples along the bones of one skeleton, in one facet-connected piece of the
+/// inside, by labelling the cheapest chains of elements as inside.
 ///
-/// `elements`: n×K corners; `neighbours`: n×K, the element across each facet, `u32::MAX` beyond the hull;
-/// `winding`, `measures` and `inside`: n winding numbers, areas or volumes, and labels. A group starts from the piece
-/// that touches most of its vertices (of those the largest), or where none does, from its first vertex. The vertices
-/// outside it are then joined one after the other, nearest first: an element that is inside costs nothing, another
-/// its measure times how much its winding number falls short of one. Labels inside stay so. `progress` is told the
-/// part of the groups done, and cancels by [`ControlFlow::Break`].
+/// `elements`: n×K corners; `neighbours`: n×K, the element across each facet, `u32::MAX` beyond the hull; `winding`,
+/// `measures` and `inside`: n winding numbers, areas or volumes, and labels. A group starts from the piece that touches
+/// most of its vertices (the largest of those), or if none does, from its first vertex. The vertices outside it are
+/// then joined one after another, nearest first: an element that is inside costs nothing, any other costs its measure
+/// times how far its winding number falls short of one. Inside labels stay inside. `progress` receives the fraction of
+/// groups done; see [`Progress`].
 pub fn connect_vertices<const K: usize>(
     elements: &[[u32; K]],
     neighbours: &[[u32; K]],
@@ -103,7 +103,7 @@ pub fn connect_vertices<const K: usize>(
     measures: &[f64],
     inside: &[bool],
     groups: &[Vec<u32>],
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    progress: Progress<'_>,
 ) -> Result<Connected, SegmentationError> {
     let count = elements.len();
     for (what, found) in [
@@ -123,12 +123,13 @@ pub fn connect_vertices<const K: usize>(
     }
     let largest = measures.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let short = |t: usize| (1.0 - winding[t]).max(0.0);
-    // Relative to the largest: sums of hostile measures stay finite, and the unit does not matter.
+    // Relative to the largest: sums of malicious measures stay finite, and the unit does not matter.
     let cost = |t: usize| measures[t] / largest * (short(t) + LEAST_COST);
     let around = Around::new(elements, groups);
+    let mut report = stage(progress, "joining bones");
     let mut connected = Connected { inside: inside.to_vec(), ..Connected::default() };
     for (group, vertices) in groups.iter().enumerate() {
-        let mut join = |done: f64| progress((group as f64 + done) / groups.len() as f64);
+        let mut join = |done: f64| report((group as f64 + done) / groups.len() as f64);
         let costs: Vec<f64> = (0..count).map(|t| if connected.inside[t] { 0.0 } else { cost(t) }).collect();
         join_group(group, vertices, &around, neighbours, &costs, &mut connected, &mut join)?;
     }
@@ -142,7 +143,7 @@ fn right_length(what: &'static str, found: usize, elements: usize) -> Result<(),
     if found == elements { Ok(()) } else { Err(SegmentationError::WrongLength { what, found, elements }) }
 }
 
-/// The elements around each vertex that some group names.
+/// The elements around each vertex that belongs to a group.
 struct Around {
     /// The vertices, ascending.
     vertices: Vec<u32>,
@@ -245,7 +246,7 @@ fn start<const K: usize>(
     joined
 }
 
-/// Marks all inside elements that hang together with some.
+/// Marks all inside elements connected to the given ones.
 fn flood<const K: usize>(from: &[u32], inside: &[bool], neighbours: &[[u32; K]], marked: &mut [bool]) {
     let mut stack = from.to_vec();
     while let Some(t) = stack.pop() {

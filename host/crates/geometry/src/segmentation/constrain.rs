@@ -1,27 +1,28 @@
-//! Segmentations that obey what a graph cut cannot enforce: facets with an inside element, and a manifold boundary
+//! Segmentations that satisfy what a graph cut cannot enforce: facets with an inside element, and a manifold boundary
 //! (thesis 8.5.2).
 
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::ControlFlow;
 
-use super::energy::{Energy, OUTSIDE};
-use super::graph_cut::{Label, SegmentationError, SegmentationSettings};
-
-/// Elements tested, or facets looked at, between two looks at `progress`.
+use super::energy::{Energy, OUTSIDE, SegmentationSettings};
+use super::error::SegmentationError;
+use super::graph_cut::Label;
+use crate::progress::{Progress, stage};
+/// Elements tested, or facets checked, between two progress reports.
 const REPORT_EVERY: usize = 1024;
 
-/// A segmentation and what it has to obey.
+/// A segmentation and its constraints.
 #[derive(Clone, Copy, Debug)]
 pub struct ConstraintInput<'a, const K: usize> {
     /// n integral means of the winding number.
     pub winding: &'a [f64],
-    /// n×K, the element across each facet, `u32::MAX` beyond the hull, where all is outside.
+    /// n×K, the element across each facet, `u32::MAX` beyond the hull, where everything is outside.
     pub neighbours: &'a [[u32; K]],
     /// n×K lengths (K = 3) or areas (K = 4) of those facets, in any unit.
     pub facet_sizes: &'a [[f64; K]],
     /// n labels to start from, such as those of [`graph_cut`](super::graph_cut::graph_cut).
     pub inside: &'a [bool],
-    /// n labels that no flip may leave, such as [`Label::Inside`] for chains that join what belongs together.
+    /// n labels that no flip may change, such as [`Label::Inside`] for chains that join what belongs together.
     pub forced: &'a [Label],
     /// m facets that should be part of the inside: the elements on their two sides, `u32::MAX` beyond the hull.
     pub facets: &'a [[u32; 2]],
@@ -32,8 +33,8 @@ pub struct ConstraintInput<'a, const K: usize> {
 pub struct ConstraintSettings {
     /// The energy of the graph cut that gave the labels.
     pub segmentation: SegmentationSettings,
-    /// Improvement stops after this many flips for each element of the mesh. A safeguard, not tuned: the energy falls
-    /// with every flip, but nothing better than the number of labellings bounds how often.
+    /// Improvement stops after this many flips per element of the mesh. This is a safeguard, not tuned: the energy
+    /// falls with every flip, but the only known bound on their number is the number of labellings.
     pub flips_per_element: usize,
 }
 
@@ -43,7 +44,7 @@ impl Default for ConstraintSettings {
     }
 }
 
-/// Something the inside has to obey.
+/// A constraint on the inside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum HardConstraint {
     /// This facet, zero-based, has an inside element.
@@ -57,57 +58,58 @@ pub enum HardConstraint {
 /// How it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConstraintOutcome {
-    /// Everything is obeyed.
+    /// Every constraint is satisfied.
     Satisfied,
-    /// Everything that could be is obeyed; the rest is listed.
+    /// Everything that could be satisfied is; the rest is listed.
     PartlyUnsatisfied,
     /// The limit of flips was reached: constraints were still enforced, but some flips that would improve the labels
-    /// were not made. What is not obeyed is listed.
+    /// were not made. Unsatisfied constraints are listed.
     LimitReached,
 }
 
-/// Labels that obey constraints.
+/// Labels that satisfy constraints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constrained {
-    /// For each element whether it is inside.
+    /// For each element, whether it is inside.
     pub inside: Vec<bool>,
-    /// Equation 8.8 of the labels given.
+    /// Equation 8.8 for the given labels.
     pub energy_before: f64,
-    /// Equation 8.8 of these labels.
+    /// Equation 8.8 for these labels.
     pub energy_after: f64,
-    /// What the elements added for constraints changed of that, at the time they were added.
+    /// How much the elements added for constraints changed the energy, at the time they were added.
     pub change_by_constraints: f64,
-    /// What improvement changed of it, never above 0.
+    /// How much improvement changed the energy, never above 0.
     pub change_by_improvement: f64,
-    /// How many elements were labelled inside for constraints, whatever improvement did with them later.
+    /// How many elements were labelled inside for constraints, whatever improvement did to them later.
     pub added: usize,
-    /// How many labels improvement flipped, some of them perhaps more than once.
+    /// How many labels improvement flipped, counting repeated flips.
     pub flips: usize,
-    /// What is not obeyed, in order.
+    /// Unsatisfied constraints, in order.
     pub unsatisfied: Vec<HardConstraint>,
     /// How it ended.
     pub outcome: ConstraintOutcome,
 }
 
-/// Gives each facet an inside element, by the heuristic of thesis 8.5.2; the best labels that do cannot be found
+/// Gives each facet an inside element, by the heuristic of thesis 8.5.2; the best such labels cannot be found
 /// efficiently.
 ///
-/// Marches over the facets; where neither side is inside, the one with the larger winding number becomes so, and the
-/// energy is improved greedily around it: elements next to just-flipped ones are flipped if that lowers the energy and
-/// breaks no facet that has its element. Where the labels given are a local minimum, as those of a graph cut are, the
-/// result is one among labels that obey what it obeys. `forced` goes before facets.
+/// Marches over the facets; where neither side is inside, the one with the larger winding number becomes inside, and
+/// the energy is improved greedily around it: elements next to just-flipped ones are flipped if that lowers the energy
+/// and breaks no facet that has its element. If the given labels are a local minimum, as those of a graph cut are, the
+/// result is a local minimum among labels that satisfy the same constraints. `forced` takes precedence over facets.
 ///
-/// Arrays that do not fit each other, values a mesh cannot have, and facets of elements that do not exist are errors.
-/// `progress` is told the part of the facets done, and cancels by [`ControlFlow::Break`].
+/// Arrays that do not match, values a mesh cannot have, and facets of elements that do not exist are errors. `progress`
+/// receives the fraction of facets done; see [`Progress`].
 pub fn satisfy_facets<const K: usize>(
     input: &ConstraintInput<K>,
     settings: &ConstraintSettings,
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    progress: Progress<'_>,
 ) -> Result<Constrained, SegmentationError> {
     let mut labels = Labels::new(input, settings, None)?;
     let count = input.facets.len();
+    let mut told = stage(progress, "keeping facets");
     for (facet, &sides) in input.facets.iter().enumerate() {
-        let mut report = || progress(facet as f64 / count as f64);
+        let mut report = || told(facet as f64 / count as f64);
         if facet % REPORT_EVERY == 0 && report().is_break() {
             return Err(SegmentationError::Cancelled);
         }
@@ -128,27 +130,29 @@ pub fn satisfy_facets<const K: usize>(
 /// Makes the boundary of the inside a manifold, by the heuristic of thesis 8.5.2: triangles with K = 3, tetrahedra
 /// with K = 4.
 ///
-/// `elements`: n×K corners, the facet k of an element opposite its corner k. The boundary is a manifold where the
-/// inside elements around each of its edges (K = 4) and vertices hang together by facets there, and the outside ones
-/// do too; what is beyond the hull counts as one outside element. Marches over edges and vertices; where it is
-/// not, outside elements are labelled inside in the order of falling winding number until it is. Then the energy is
-/// improved greedily around them by flips that break no edge, vertex or facet that is in order. The thesis improves
-/// after each step, but what is not yet in order is not protected, and on a truck of overlapping parts improvement and
-/// repair had not ended after minutes. Facets are protected, not added: see [`satisfy_facets`] for that.
+/// `elements`: n×K corners, the facet k of an element opposite its corner k. The boundary is a manifold if, around each
+/// of its edges (K = 4) and vertices, the inside elements are connected through facets there, and so are the outside
+/// ones; everything beyond the hull counts as one outside element. Marches over edges and vertices; where the boundary
+/// is not manifold, outside elements are labelled inside in order of decreasing winding number until it is. Then the
+/// energy is improved greedily around them by flips that break no edge, vertex or facet that is in order. The thesis
+/// improves after each step, but then what is not yet in order is not protected, and on a truck of overlapping parts
+/// improvement and repair had not finished after minutes. Facets are protected, not added: see [`satisfy_facets`] for
+/// that.
 ///
-/// Errors and `progress` as there, and elements that repeat a corner or do not share a neighbour's facet.
+/// Errors and `progress` as there, plus errors for elements that repeat a corner or do not share a neighbour's facet.
 pub fn make_manifold<const K: usize>(
     input: &ConstraintInput<K>,
     elements: &[[u32; K]],
     settings: &ConstraintSettings,
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    progress: Progress<'_>,
 ) -> Result<Constrained, SegmentationError> {
     let mut labels = Labels::new(input, settings, Some(elements))?;
     let mut waiting: BTreeSet<_> = labels.boundary_places().into_iter().map(edges_first).collect();
     let (mut done, mut added) = (0_usize, Vec::new());
+    let mut told = stage(progress, "making the boundary manifold");
     while let Some((_, place)) = waiting.pop_first() {
         let part = done as f64 / (done + waiting.len() + 1) as f64;
-        if done.is_multiple_of(REPORT_EVERY) && progress(part).is_break() {
+        if done.is_multiple_of(REPORT_EVERY) && told(part).is_break() {
             return Err(SegmentationError::Cancelled);
         }
         done += 1;
@@ -156,14 +160,14 @@ pub fn make_manifold<const K: usize>(
         waiting.extend(filled.iter().flat_map(|&t| places(&elements[t as usize])).map(edges_first));
         added.extend(filled);
     }
-    labels.improve(&added, &mut || progress(1.0))?;
+    labels.improve(&added, &mut || told(1.0))?;
     Ok(labels.finish())
 }
 
 /// An edge by its vertices, the smaller first, or a vertex, twice.
 type Place = [u32; 2];
 
-/// Edges go first: mending them mends most vertices.
+/// Edges go first: fixing them fixes most vertices.
 fn edges_first(place: Place) -> (bool, Place) {
     (place[0] == place[1], place)
 }
@@ -178,7 +182,7 @@ fn places<const K: usize>(corners: &[u32; K]) -> impl Iterator<Item = Place> {
 struct Labels<'a, const K: usize> {
     input: &'a ConstraintInput<'a, K>,
     energy: Energy<'a, K>,
-    /// Elements of facets and who is beyond, sorted.
+    /// Elements of facets and their neighbours beyond, sorted.
     sides: Vec<[u32; 2]>,
     stars: Option<Stars<'a, K>>,
     inside: Vec<bool>,
@@ -242,7 +246,7 @@ impl<'a, const K: usize> Labels<'a, K> {
         sides.into_iter().any(|t| self.is_inside(t))
     }
 
-    /// The elements beyond those facets of an element that have to hold.
+    /// The elements beyond those facets of an element that must hold.
     fn beyond(&self, element: u32) -> impl Iterator<Item = u32> {
         let first = self.sides.partition_point(|side| side[0] < element);
         self.sides[first..].iter().take_while(move |side| side[0] == element).map(|side| side[1])
@@ -255,7 +259,7 @@ impl<'a, const K: usize> Labels<'a, K> {
         self.added += 1;
     }
 
-    /// Whether a flip obeys the forced label and breaks nothing that holds.
+    /// Whether a flip respects the forced label and breaks nothing that holds.
     fn may_flip(&mut self, element: u32) -> bool {
         let t = element as usize;
         let forced = if self.inside[t] { Label::Inside } else { Label::Outside };
@@ -274,7 +278,7 @@ impl<'a, const K: usize> Labels<'a, K> {
         })
     }
 
-    /// Flips what lowers the energy, beginning around some elements, until nothing does or the limit is reached.
+    /// Flips whatever lowers the energy, starting around some elements, until nothing does or the limit is reached.
     fn improve(
         &mut self,
         flipped: &[u32],
@@ -304,7 +308,7 @@ impl<'a, const K: usize> Labels<'a, K> {
         Ok(())
     }
 
-    /// Queues the elements whose flip may have become better or allowed by that of one.
+    /// Queues the elements whose flip may have become better or allowed by this element's flip.
     fn wake(&mut self, element: u32) {
         let t = element as usize;
         let stars = self.stars.iter().flat_map(|stars| stars.elements[t].iter().flat_map(|&v| stars.around(v)));
@@ -317,7 +321,7 @@ impl<'a, const K: usize> Labels<'a, K> {
         }
     }
 
-    /// Labels elements around a place inside until the boundary is a manifold there; none if it is or cannot be.
+    /// Labels elements around a place inside until the boundary is manifold there; none if it already is or cannot be.
     fn fill(&mut self, place: Place) -> Vec<u32> {
         let Some(stars) = &mut self.stars else { return Vec::new() };
         if stars.is_manifold(place, &self.inside) {
@@ -337,7 +341,7 @@ impl<'a, const K: usize> Labels<'a, K> {
             labelled += 1;
         }
         outside.truncate(labelled);
-        // Back, to be added one by one with what each changes.
+        // Revert, to add them one by one and measure each change.
         outside.iter().for_each(|&t| self.inside[t as usize] = false);
         outside.iter().for_each(|&t| self.add(t as usize));
         outside

@@ -5,24 +5,24 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use super::energy::{OUTSIDE, is_plausible};
-use super::graph_cut::SegmentationError;
+use super::error::SegmentationError;
 use super::quadrature::{Rule, symmetric_rule};
-
-/// Elements between two reports of progress.
+use crate::progress::{Progress, stage};
+/// Elements between two progress reports.
 const CHUNK: usize = 8192;
 const MOST_REFINEMENTS: u32 = 4;
 
-/// Where the barycentre is not enough.
+/// When the barycentre is not enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElementWindingSettings {
-    /// An element is hard if the winding number at its barycentre is further than this from an integer. From 0 to ½;
-    /// ½ or more never is. The default is ten times what the fast winding number may be off by.
+    /// An element is hard if the winding number at its barycentre is further than this from an integer. From 0 to ½; at
+    /// ½ or more, none is. The default is ten times the possible error of the fast winding number.
     pub from_integer: f64,
     /// An element is hard if the winding number at its barycentre differs by more than this from a neighbour's. Above
-    /// 0; infinity never is.
+    /// 0; at infinity none is.
     pub from_neighbour: f64,
-    /// Hard elements are cut in four or eight this many times, and each part is integrated by 7 points (triangles) or
-    /// 14 (tetrahedra), exactly for polynomials of degree 5. Up to 4.
+    /// Hard elements are split into four or eight this many times, and each part is integrated with 7 points
+    /// (triangles) or 14 (tetrahedra), exact for polynomials of degree 5. Up to 4.
     pub refinements: u32,
 }
 
@@ -37,35 +37,36 @@ impl Default for ElementWindingSettings {
 pub struct ElementWinding {
     /// For each element `w(e) = (1/V)∫w dV`.
     pub means: Vec<f64>,
-    /// Elements that took more than the barycentre.
+    /// Elements that needed more than the barycentre.
     pub hard: usize,
     /// How often the winding number was evaluated.
     pub evaluations: usize,
 }
 
-/// The integral mean of the winding number over each element (thesis 8.5.1): its value at the barycentre, or where
-/// that is not near an integer or unlike a neighbour's, a symmetric quadrature.
+/// The integral mean of the winding number over each element (thesis 8.5.1): its value at the barycentre, or, where
+/// that is not near an integer or differs from a neighbour's, a symmetric quadrature.
 ///
-/// `vertices`: n×D positions; `elements`: m×K corners, triangles in the plane (D = 2, K = 3) or tetrahedra (D = 3,
-/// K = 4); `neighbours`: m×K, the element across each facet, `u32::MAX` for none. Neighbours may be empty, and
-/// facets that are known to be of the surface may be `u32::MAX`: the winding number is expected to jump there, which
-/// makes no element hard. `evaluate` gives the winding number at a point and is called from several threads; the
-/// result does not depend on how many. `progress` cancels by [`ControlFlow::Break`].
+/// `vertices`: n×D positions; `elements`: m×K corners, triangles in the plane (D = 2, K = 3) or tetrahedra (D = 3, K =
+/// 4); `neighbours`: m×K, the element across each facet, `u32::MAX` for none. Neighbours may be empty, and facets known
+/// to be on the surface may be `u32::MAX`: the winding number is expected to jump there, which makes no element hard.
+/// `evaluate` returns the winding number at a point and is called from several threads; the result does not depend on
+/// how many. See [`Progress`] for `progress`.
 pub fn element_winding<const D: usize, const K: usize>(
     vertices: &[[f64; D]],
     elements: &[[u32; K]],
     neighbours: &[[u32; K]],
     evaluate: &(impl Fn([f64; D]) -> f64 + Sync),
     settings: &ElementWindingSettings,
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    progress: Progress<'_>,
 ) -> Result<ElementWinding, SegmentationError> {
     const { assert!(K == D + 1 && (K == 3 || K == 4), "elements are triangles in the plane or tetrahedra") };
     check(vertices, elements, neighbours, settings)?;
     let at_barycentre: Rule<K> = vec![([1.0 / K as f64; K], 1.0)];
+    let mut report = stage(progress, "computing winding numbers");
     // Half of the progress each: there are few hard elements, but each is a dozen points.
     let all: Vec<usize> = (0..elements.len()).collect();
     let integrate = |rule: &Rule<K>, element: usize| mean(vertices, &elements[element], evaluate, rule);
-    let mut means = in_chunks(&all, &|element| integrate(&at_barycentre, element), &mut |done| progress(0.5 * done))?;
+    let mut means = in_chunks(&all, &|element| integrate(&at_barycentre, element), &mut |done| report(0.5 * done))?;
     let is_hard = |&element: &usize| {
         let w = means[element];
         let apart = |&n: &u32| n != OUTSIDE && (means[n as usize] - w).abs() > settings.from_neighbour;
@@ -74,7 +75,7 @@ pub fn element_winding<const D: usize, const K: usize>(
     };
     let hard: Vec<usize> = all.par_iter().copied().filter(is_hard).collect();
     let rule = symmetric_rule(settings.refinements).unwrap_or(at_barycentre);
-    let better = in_chunks(&hard, &|element| integrate(&rule, element), &mut |done| progress(0.5 + 0.5 * done))?;
+    let better = in_chunks(&hard, &|element| integrate(&rule, element), &mut |done| report(0.5 + 0.5 * done))?;
     for (&element, value) in hard.iter().zip(better) {
         means[element] = value;
     }

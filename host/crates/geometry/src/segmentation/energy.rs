@@ -1,11 +1,32 @@
 //! The energy of a segmentation (thesis eqs. 8.8 to 8.10).
 
-use super::graph_cut::{SegmentationError, SegmentationSettings};
+use super::error::SegmentationError;
 
 pub(super) const OUTSIDE: u32 = u32::MAX;
-/// No mesh has more facets than 32-bit indices can name, and each adds at most one.
+/// No mesh has more facets than 32-bit indices can address, and each adds at most one.
 const LARGEST_WINDING: f64 = u32::MAX as f64;
 const LARGEST_GAMMA: f64 = 1e6;
+
+/// The balance of winding number and coherence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SegmentationSettings {
+    /// γ of equation 8.8: 0 means thresholding at ½; with larger γ, elements follow their neighbours more. From 0 to
+    /// 10⁶.
+    pub gamma: f64,
+    /// σ of equation 8.10, in winding numbers: across a facet where the winding number changes by much more than this,
+    /// labels may differ at almost no cost. Above 0.
+    pub sigma: f64,
+}
+
+impl Default for SegmentationSettings {
+    /// Tuned on closed animals with triangles deleted at random and on a truck of open and overlapping parts: the wrong
+    /// volume falls from thresholding's 0.49 % to 0.17 % on spot without 30 % of its triangles, from 0.0065 % to 0.0013 %
+    /// without 10 %, but on the cow without 10 % only from 0.0169 % to 0.0144 %. The truck keeps 93 to 99 % of the volume
+    /// that thresholding gives it, and only 88 % at a γ of ¼.
+    fn default() -> Self {
+        Self { gamma: 0.1, sigma: 0.25 }
+    }
+}
 
 /// The terms of the energy, elements by facets.
 #[derive(Debug)]
@@ -52,7 +73,7 @@ impl<'a, const K: usize> Energy<'a, K> {
         })
     }
 
-    /// Whether what is beyond a facet is inside; beyond the hull nothing is.
+    /// Whether the far side of a facet is inside; beyond the hull nothing is.
     fn inside_beyond(&self, inside: &[bool], element: usize, facet: usize) -> bool {
         let across = self.neighbours[element][facet];
         across != OUTSIDE && inside[across as usize]
@@ -64,7 +85,7 @@ impl<'a, const K: usize> Energy<'a, K> {
         outside - inside
     }
 
-    /// What flipping an element's label changes, and more than what rounding can make of that.
+    /// The energy change of flipping an element's label, and a bound on its rounding error.
     pub(super) fn change(&self, inside: &[bool], element: usize) -> (f64, f64) {
         let mut to_inside = -self.preference(element);
         let mut magnitude: f64 = self.data[element].iter().sum();
@@ -91,7 +112,7 @@ impl<'a, const K: usize> Energy<'a, K> {
     }
 }
 
-/// Whether a mesh can give a winding number; NaN it cannot.
+/// Whether a mesh can produce this winding number; it cannot be NaN.
 pub(super) fn is_plausible(winding: f64) -> bool {
     winding.abs() <= LARGEST_WINDING
 }
@@ -129,7 +150,7 @@ fn check<const K: usize>(
     Ok(())
 }
 
-/// For each facet its place in the neighbour; where two elements share several, first goes with first.
+/// For each facet, its place in the neighbour; if two elements share several, they are paired in order.
 pub(super) fn twins<const K: usize>(neighbours: &[[u32; K]]) -> Result<Vec<[u8; K]>, SegmentationError> {
     let twin = |element: usize, facet: usize| {
         let across = neighbours[element][facet];

@@ -2,20 +2,20 @@
 //!
 //! Boykov and Kolmogorov's augmenting paths (*An Experimental Comparison of Min-Cut/Max-Flow Algorithms for Energy
 //! Minimization in Vision*, 2004): two trees, one from the source and one from the sink, grow until they touch, the
-//! path between them is filled, and what it tears off is adopted again. Capacities are integers, so that flow and cut
-//! agree exactly, and every node has at most `K` arcs, so that the arcs need no index.
+//! path between them is saturated, and the nodes this cuts off are adopted again. Capacities are integers, so that flow
+//! and cut agree exactly, and every node has at most `K` arcs, so that the arcs need no index.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-/// Augmenting paths between two reports of progress.
+/// Augmenting paths between two progress reports.
 const REPORT_EVERY: u64 = 1024;
 const NONE: u32 = u32::MAX;
 /// Values of `parent` that are not arcs of the node.
 const ORPHAN: u8 = u8::MAX;
 const TERMINAL: u8 = u8::MAX - 1;
 
-/// A graph whose nodes have `K` places for arcs each; every arc has a twin in the other direction.
+/// A graph whose nodes have slots for `K` arcs each; every arc has a twin in the other direction.
 #[derive(Debug)]
 pub(super) struct FlowGraph<'a, const K: usize> {
     /// n×K: the node at the other end, `u32::MAX` for no arc.
@@ -54,7 +54,7 @@ struct Search<'a, const K: usize> {
     tree: Vec<Tree>,
     /// The arc of a node in a tree that leads towards its root.
     parent: Vec<u8>,
-    /// Steps to the root, right as of `time`.
+    /// Steps to the root, valid as of `time`.
     distance: Vec<u32>,
     time: Vec<u32>,
     now: u32,
@@ -64,10 +64,10 @@ struct Search<'a, const K: usize> {
     flow: i64,
 }
 
-/// The maximum flow of a graph and its minimum cut; `None` if `progress` broke off.
+/// The maximum flow of a graph and its minimum cut; `None` if `progress` stopped it.
 ///
-/// The sum of all capacities must stay below 2⁶². `progress` is told the flow as a fraction of what the terminals
-/// could carry at most.
+/// The sum of all capacities must stay below 2⁶². `progress` receives the flow as a fraction of the most that the
+/// terminals could carry.
 pub(super) fn max_flow<const K: usize>(
     graph: &FlowGraph<K>,
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
@@ -181,7 +181,7 @@ impl<'a, const K: usize> Search<'a, K> {
         self.distance[node as usize] = self.distance[below as usize] + 1;
     }
 
-    /// Sends as much as fits along the path from source to sink through an arc.
+    /// Sends as much as possible along the path from source to sink through an arc.
     fn augment(&mut self, from: u32, arc: usize) {
         let (to, twin) = (self.heads[from as usize][arc], self.twins[from as usize][arc] as usize);
         let mut amount = self.residual[from as usize][arc];
@@ -204,7 +204,7 @@ impl<'a, const K: usize> Search<'a, K> {
         self.flow += amount;
     }
 
-    /// Takes `amount` from the room between a node and the root of its tree.
+    /// Subtracts `amount` from the residual capacity between a node and the root of its tree.
     fn send(&mut self, tree: Tree, start: u32, amount: i64) {
         let mut node = start;
         while self.parent[node as usize] != TERMINAL {
@@ -270,7 +270,7 @@ impl<'a, const K: usize> Search<'a, K> {
                 }
             }
         };
-        // What was learnt is written on the whole way, so that no step is walked twice.
+        // The distance is stored along the whole path, so that no step is walked twice.
         let (mut node, mut left) = (start as usize, total);
         while self.time[node] != self.now {
             self.time[node] = self.now;

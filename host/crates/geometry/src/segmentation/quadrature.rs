@@ -1,13 +1,13 @@
 //! Symmetric quadrature on triangles and tetrahedra, degree 5.
 //!
-//! The points of a rule come in orbits: all places of the same barycentric coordinates (the kind of rules that Zhang
-//! et al. 2009 list). Both rules have positive weights and no point on a facet.
+//! The points of a rule come in orbits: all permutations of the same barycentric coordinates (the kind of rule that
+//! Zhang et al. 2009 list). Both rules have positive weights and no point on a facet.
 
-/// Barycentric coordinates of the points and their weights, which sum up to one.
+/// Barycentric coordinates of the points and their weights, which sum to one.
 pub(super) type Rule<const K: usize> = Vec<([f64; K], f64)>;
 
-/// The symmetric rule of degree 5 for elements with K corners, applied to each of the (2^(K-1))^refinements parts
-/// into which elements are cut at the middles of their edges. `None` for K other than 3 and 4.
+/// The symmetric rule of degree 5 for elements with K corners, applied to each of the (2^(K-1))^refinements parts into
+/// which elements are cut at the midpoints of their edges. `None` for K other than 3 and 4.
 pub(super) fn symmetric_rule<const K: usize>(refinements: u32) -> Option<Rule<K>> {
     let mut rule: Rule<K> = Vec::new();
     match K {
@@ -61,7 +61,7 @@ fn cut_at_middles<const K: usize>(part: &[[f64; K]; K]) -> Vec<[[f64; K]; K]> {
     if K == 3 {
         parts.push(std::array::from_fn(|k| middle(k, (k + 1) % 3)));
     } else {
-        // Around the diagonal from the middle of 01 to that of 23.
+        // Around the diagonal from the midpoint of 01 to that of 23.
         let ring = [middle(0, 2), middle(0, 3), middle(1, 3), middle(1, 2)];
         for k in 0..4 {
             let corners = [middle(0, 1), middle(2, 3), ring[k], ring[(k + 1) % 4]];

@@ -1,4 +1,4 @@
-//! One edge collapse: where to, what it costs, and whether the surface stays what it is.
+//! One edge collapse: where to, at what cost, and whether the surface is preserved.
 
 use std::cell::Cell;
 
@@ -6,31 +6,31 @@ use glam::DVec3;
 
 use super::quadric::Quadric;
 use super::surface::Surface;
-use crate::box_tree::Bounds;
-use crate::self_intersections::{Facet, meet};
+use crate::search::box_tree::Bounds;
+use crate::surface::self_intersections::{Facet, meet};
 
-/// More triangles around a vertex than any sound surface needs; beyond, every step would cost as much as the mesh.
+/// More triangles around a vertex than any sound surface needs; beyond this, every step would cost as much as the mesh.
 const MOST_IN_STAR: usize = 48;
 /// Cosine by which a triangle may turn in one collapse.
 const MOST_TURN: f64 = 0.25;
-/// Least quality of a triangle, where 1 is equilateral, unless the collapse makes what is there better.
+/// Lowest quality of a triangle, where 1 is equilateral, unless the collapse improves on the present one.
 const LEAST_QUALITY: f64 = 0.12;
-/// Part of the distance to a facing sheet by which a vertex may leave the planes that it stands for: the two sheets
+/// Fraction of the distance to a facing sheet by which a vertex may leave the planes it represents: the two sheets
 /// together use up half of it.
 const SHARE_OF_GAP: f64 = 0.25;
 
-/// What speaks against a collapse.
+/// Why a collapse is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
-    /// The surface would no longer hang together as it did.
+    /// The surface's topology would change.
     Topology,
-    /// A triangle would turn over, become a needle or meet another, or two sheets would come too near.
+    /// A triangle would flip, become a needle or meet another, or two sheets would come too close.
     Geometry,
-    /// Nothing of the kind: there is no such edge any more.
+    /// The edge no longer exists.
     Stale,
 }
 
-/// A triangle as it would be.
+/// A triangle after the collapse.
 #[derive(Clone, Copy, Debug)]
 struct Changed {
     names: [u32; 3],
@@ -39,7 +39,7 @@ struct Changed {
     bounds: Bounds,
 }
 
-/// Room for working out a collapse, used again and again.
+/// Reusable storage for evaluating a collapse.
 #[derive(Debug)]
 pub(super) struct Bench {
     /// Stamps of the vertices around the first and the second end, and of triangles.
@@ -49,7 +49,7 @@ pub(super) struct Bench {
     counts: [Vec<(u32, u32)>; 2],
     changed: Vec<Changed>,
     near: Vec<u32>,
-    /// Pairs of triangles looked at so far.
+    /// Pairs of triangles tested so far.
     pub(super) pairs: usize,
 }
 
@@ -103,12 +103,12 @@ impl Bench {
         for t in surface.star(ends[0]) {
             let corners = surface.triangles[t as usize];
             if let Some(&apex) = corners.iter().find(|v| !ends.contains(v)).filter(|_| corners.contains(&ends[1])) {
-                // A triangle that hangs on by this edge alone would become an edge without triangle.
+                // A triangle attached only by this edge would become an edge without a triangle.
                 if count_of(&self.counts[0], apex) == 1 && count_of(&self.counts[1], apex) == 1 {
                     return Err(Refusal::Topology);
                 }
             } else if corners.iter().all(|&v| v == ends[0] || is_common(v)) {
-                // Closed over by a triangle of the other end, the two would lie on each other.
+                // Closed over by a triangle of the other end, the two would lie on top of each other.
                 let rest = |u: u32| corners.contains(&u);
                 let closed = surface.star(ends[1]).any(|s| {
                     surface.triangles[s as usize].iter().filter(|&&v| v != ends[1] && rest(v) && v != ends[0]).count()
@@ -143,7 +143,7 @@ impl Bench {
                 let normal = area_vector(&corners);
                 let before = area_vector(&old);
                 let (length, length_before) = (normal.length(), before.length());
-                // What has no area cannot turn; what has one may neither turn over nor lose it.
+                // A triangle without area cannot turn; one with area may neither flip nor lose it.
                 if normal.dot(before) < MOST_TURN * length * length_before || (length <= 0.0 && length_before > 0.0) {
                     return Err(Refusal::Geometry);
                 }
@@ -252,8 +252,8 @@ fn crosses(a: &Changed, b: &Changed) -> bool {
     meet(&facet(a), &facet(b))
 }
 
-/// Whether all corners of `b` that are not corners of `a` lie on one side of the plane of `a`, far enough for
-/// rounding not to matter. There is at least one unless the two lie on the same corners, which never counts.
+/// Whether all corners of `b` that are not corners of `a` are on one side of the plane of `a`, far enough for rounding
+/// not to matter. There is at least one unless the two have the same corners, which never counts.
 fn is_beside(a: &Changed, b: &Changed) -> bool {
     let reach = (b.bounds.high.max(a.bounds.high) - b.bounds.low.min(a.bounds.low)).max_element();
     let rounding = 1e-14 * reach * reach * reach;
@@ -268,7 +268,7 @@ fn is_beside(a: &Changed, b: &Changed) -> bool {
 }
 
 /// Where the two ends of an edge may become one vertex, and what that costs: the best place first, then, for later
-/// attempts, the ends and their middle from cheap to dear.
+/// attempts, the ends and their midpoint from cheapest to most expensive.
 pub(super) fn placement(joined: &Quadric, ends: [DVec3; 2], origin: DVec3, attempt: u8) -> Option<(f64, DVec3)> {
     let [p, q] = ends.map(|end| end - origin);
     let reach = 2.0 * p.distance(q);
@@ -283,7 +283,7 @@ pub(super) fn placement(joined: &Quadric, ends: [DVec3; 2], origin: DVec3, attem
     place.map(|(cost, x)| (cost, x + origin))
 }
 
-/// Whether a vertex at `place` leaves the planes it stands for by more than the sheets facing it allow.
+/// Whether a vertex at `place` leaves the planes it represents by more than the sheets facing it allow.
 pub(super) fn leaves_gap(joined: &Quadric, place: DVec3, origin: DVec3, gap: f64) -> bool {
     joined.distance(place - origin) > SHARE_OF_GAP * gap
 }

@@ -1,68 +1,79 @@
 //! A coarser surface around the same volume, by collapsing edges in the order of their quadric error (Garland and
 //! Heckbert 1997, "Surface simplification using quadric error metrics").
 //!
-//! It is made for volumes: triangles stay compact, small where the surface is thin or close to itself, and sheets
-//! that face each other across a thin gap or wall stay apart: no collapse makes triangles meet that did not.
+//! It is made for volumes: triangles stay compact, small where the surface is thin or close to itself, and sheets that
+//! face each other across a thin gap or wall stay apart: no collapse makes triangles meet that did not.
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use armature_geometry::TriangleMesh;
+//! use armature_geometry::simplify::{SimplifyOutcome, simplify};
+//!
+//! // A flat sheet of 32 triangles.
+//! let vertices = (0..25).map(|k| [f64::from(k % 5), f64::from(k / 5), 0.0]).collect();
+//! let corners = (0..16).map(|k| k % 4 + 5 * (k / 4));
+//! let triangles = corners.flat_map(|a| [[a, a + 1, a + 6], [a, a + 6, a + 5]]).collect();
+//! let sheet = TriangleMesh { vertices, triangles };
+//! let coarse = simplify(&sheet, 8, &mut |_stage, _fraction| ControlFlow::Continue(()))?;
+//! assert_eq!(coarse.outcome, SimplifyOutcome::Reached);
+//! assert!(coarse.place.len() == 25 && coarse.largest_distance < 1.0);
+//! # Ok::<(), armature_geometry::simplify::SimplifyError>(())
+//! ```
 
 mod collapse;
-pub(crate) mod place;
+mod place;
 mod quadric;
 mod queue;
+mod roughness;
 mod sample;
 mod surface;
 mod thickness;
 
-use std::ops::ControlFlow;
-
 use glam::DVec3;
 
+use crate::progress::{Progress, stage};
 use crate::{MeshError, TriangleMesh};
-pub use sample::sample_surface;
+pub use place::SurfacePlace;
+pub(crate) use roughness::without_roughness;
+pub(crate) use sample::sample_surface;
+pub(crate) use thickness::space_around;
 
 use place::Given;
 use quadric::Quadric;
 use queue::{Collapser, Ended};
 use surface::{NONE, Surface};
 
-/// Weight of a vertex's distance from the points it stands for, against that from their planes: how far triangles
-/// prefer to be compact over being where the surface bends. Tuned on the armadillo, see the example `simplify`.
+/// Weight of a vertex's distance from the points it represents, relative to that from their planes: how strongly
+/// compact triangles are preferred over following the surface's bends. Tuned on the armadillo, see the example
+/// `simplify`.
 const EVENNESS: f64 = 0.003;
-/// By how much that weight may grow where the surface is thin, so that triangles are smaller there.
+/// How much that weight may grow where the surface is thin, so that triangles are smaller there.
 const MOST_GRADING: f64 = 8.0;
-/// Weight of the planes that hold open and non-manifold edges in place, against those of triangles.
+/// Weight of the planes that hold open and non-manifold edges in place, relative to those of triangles.
 const EDGE_WEIGHT: f64 = 4.0;
-/// How far to look for facing sheets, in edges of the coarse surface.
+/// How far to look for facing sheets, in edge lengths of the coarse surface.
 const REACH_IN_EDGES: f64 = 4.0;
-
-/// A place on a triangle mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePlace {
-    /// Zero-based triangle.
-    pub triangle: u32,
-    /// Coordinates with respect to its three corners: none negative, sum 1.
-    pub barycentric: [f64; 3],
-}
 
 /// A coarser surface, and where on it the finer one's vertices are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simplified {
     /// The coarse surface, without unused vertices.
     pub mesh: TriangleMesh,
-    /// For each vertex given, its place on `mesh`: close by on the sheet that it was collapsed into, not on one across
-    /// a gap. A vertex in no triangle (or only in such with equal corners) takes the nearest place.
+    /// For each original vertex, its place on `mesh`: close by on the sheet that it was collapsed into, not on one
+    /// across a gap. A vertex in no triangle (or only in ones with equal corners) gets the nearest place.
     pub place: Vec<SurfacePlace>,
-    /// Root of the mean squared distance from the vertices given to their places, in the mesh's unit.
+    /// Root mean square distance from the original vertices to their places, in the mesh's unit.
     pub mean_distance: f64,
     /// The largest such distance.
     pub largest_distance: f64,
-    /// Whether this is what was asked for.
+    /// Whether this is what was requested.
     pub outcome: SimplifyOutcome,
 }
 
 /// How far a simplification got.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SimplifyOutcome {
-    /// There are as many vertices as asked for, or fewer if there never were more.
+    /// There are as many vertices as requested, or fewer if there never were more.
     Reached,
     /// No further edge may be collapsed.
     Blocked {
@@ -70,15 +81,16 @@ pub enum SimplifyOutcome {
         vertices: usize,
         /// Edges kept because the surface would be torn, closed or glued.
         by_topology: usize,
-        /// Edges kept because triangles would turn over, degenerate, meet, or sheets come too near to each other.
+        /// Edges kept because triangles would flip, degenerate or meet, or sheets would come too close to each other.
         by_geometry: usize,
     },
-    /// Most triangles hang together with no other: there is no surface to simplify. See [`crate::sample_surface`].
+    /// Most triangles are connected to no other: there is no surface to simplify. Points spread over them can be used
+    /// instead.
     NoConnectivity {
         /// Vertices left.
         vertices: usize,
     },
-    /// So many triangles lie across each other that looking at them was cut short.
+    /// So many triangles cross each other that testing them was cut short.
     WorkLimit {
         /// Vertices left.
         vertices: usize,
@@ -91,13 +103,13 @@ pub enum SimplifyError {
     /// The mesh cannot be used at all.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// Every triangle has two corners at one place, or all lie on a line.
+    /// Every triangle has two corners at one place, or all are on a line.
     #[error("no triangle of the mesh has an area; there is no surface to simplify")]
     NoArea,
-    /// No surface has so few vertices.
+    /// No surface has this few vertices.
     #[error("a surface needs at least 4 vertices, not {asked}; ask for more")]
     TooFew {
-        /// What was asked for.
+        /// The requested number.
         asked: usize,
     },
     /// The progress callback asked to stop.
@@ -105,17 +117,13 @@ pub enum SimplifyError {
     Cancelled,
 }
 
-/// Makes the surface coarser until it has `vertices` vertices. Any mesh will do: vertices at one place are joined,
-/// triangles with equal corners and repeated triangles left out, and open and non-manifold edges kept as such.
+/// Coarsens the surface until it has `vertices` vertices. Any mesh will do: vertices at one place are merged, triangles
+/// with equal corners and repeated triangles are dropped, and open and non-manifold edges are kept as such.
 ///
-/// Pieces stay pieces, holes stay holes, and pairs of triangles that meet (see [`crate::self_intersections`]) do not
-/// become more. `progress` is told the fraction done and cancels by [`ControlFlow::Break`]. The result does not
-/// depend on the number of threads.
-pub fn simplify(
-    mesh: &TriangleMesh,
-    vertices: usize,
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
-) -> Result<Simplified, SimplifyError> {
+/// Pieces stay pieces, holes stay holes, and the number of pairs of triangles that meet (see
+/// [`crate::surface::self_intersections`]) does not grow. `progress` receives the fraction done; see [`Progress`]. The
+/// result does not depend on the number of threads.
+pub fn simplify(mesh: &TriangleMesh, vertices: usize, progress: Progress<'_>) -> Result<Simplified, SimplifyError> {
     mesh.validate()?;
     if vertices < 4 {
         return Err(SimplifyError::TooFew { asked: vertices });
@@ -129,13 +137,14 @@ pub fn simplify(
     let normals = place::normals(&surface);
     let (start, before) = (surface.live_vertices, surface.live_vertices.saturating_sub(vertices).max(1) as f64);
     let (into, ended) = if start > vertices {
-        // Two triangles a vertex, all equilateral.
+        // Two triangles per vertex, all equilateral.
         let edge = (area / vertices as f64 * 2.0 / 3.0_f64.sqrt()).sqrt();
         let gaps = thickness::facing_distances(&surface, REACH_IN_EDGES * edge);
         let quadrics = initial_quadrics(&surface, &gaps, edge);
         let gaps = gaps.iter().map(|[out, through]| out.min(*through)).collect();
         let mut collapser = Collapser::new(&mut surface, quadrics, gaps);
-        let ended = collapser.run(vertices, |live| progress((start - live) as f64 / before).is_continue());
+        let mut report = stage(progress, "simplifying the surface");
+        let ended = collapser.run(vertices, |live| report((start - live) as f64 / before).is_continue());
         (collapser.into, ended)
     } else {
         ((0..start as u32).collect(), Ended::default())

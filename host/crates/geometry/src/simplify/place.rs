@@ -1,20 +1,31 @@
-//! Where the given vertices lie on the coarse surface, found by walking on it from where they were collapsed to.
+//! Where the original vertices are on the coarse surface, found by walking on it from where they were collapsed to.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::surface::{NONE, Surface};
-use crate::hierarchy::closest_on_triangle;
-use crate::{Fans, MeshError, SurfacePlace, TriangleHierarchy, TriangleMesh, vertex_triangles};
+use crate::search::TriangleHierarchy;
+use crate::search::triangle_queries::{barycentric, closest_on_triangle};
+use crate::surface::{Fans, vertex_triangles};
+use crate::{MeshError, TriangleMesh};
 
-/// Steps of a walk; one or two are usual, and each comes nearer.
+/// Most steps of a walk; one or two are usual, and each comes closer.
 const MOST_STEPS: usize = 64;
 
-/// How many times farther a triangle counts as that faces away from the vertex: the other side of a thin wall, or a
+/// How many times farther away a triangle counts if it faces away from the vertex: the other side of a thin wall, or a
 /// fold.
 const AVERSION: f64 = 4.0;
 
-/// A vertex as it was given.
+/// A place on a triangle mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePlace {
+    /// Zero-based triangle.
+    pub triangle: u32,
+    /// Coordinates with respect to its three corners: none negative, sum 1.
+    pub barycentric: [f64; 3],
+}
+
+/// An original vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Given {
     pub(super) position: [f64; 3],
@@ -76,23 +87,4 @@ fn located(coarse: &TriangleMesh, triangle: u32, query: DVec3) -> (SurfacePlace,
     let corners = coarse.triangles[triangle as usize].map(|v| DVec3::from(coarse.vertices[v as usize]));
     let point = closest_on_triangle(query, &corners);
     (SurfacePlace { triangle, barycentric: barycentric(point, &corners) }, point.distance(query))
-}
-
-/// Of a point in the triangle: none negative, sum 1. A triangle without area is treated as its longest edge.
-pub(crate) fn barycentric(point: DVec3, [a, b, c]: &[DVec3; 3]) -> [f64; 3] {
-    let normal = (*b - *a).cross(*c - *a);
-    let parts = [(b, c), (c, a), (a, b)].map(|(p, q)| (*p - point).cross(*q - point).dot(normal).max(0.0));
-    let sum = parts.iter().sum::<f64>();
-    if sum > 0.0 && sum.is_finite() {
-        return parts.map(|part| part / sum);
-    }
-    let edges = [(0, 1, *a, *b), (1, 2, *b, *c), (2, 0, *c, *a)];
-    let longest = edges.iter().max_by(|x, y| x.2.distance_squared(x.3).total_cmp(&y.2.distance_squared(y.3)));
-    let mut at = [1.0, 0.0, 0.0];
-    if let Some(&(i, j, p, q)) = longest.filter(|(_, _, p, q)| p.distance_squared(*q) > 0.0) {
-        let along = ((point - p).dot(q - p) / p.distance_squared(q)).clamp(0.0, 1.0);
-        at = [0.0; 3];
-        (at[i], at[j]) = (1.0 - along, along);
-    }
-    at
 }

@@ -1,8 +1,8 @@
-//! Quadric errors (Garland and Heckbert 1997), and beside them how far a vertex stands from all it stands for.
+//! Quadric errors (Garland and Heckbert 1997), plus how far a vertex is from everything it represents.
 
 use glam::{DMat3, DVec3};
 
-/// What a vertex of the coarse surface stands for: weighted planes and weighted points, around one common origin.
+/// What a vertex of the coarse surface represents: weighted planes and weighted points, relative to a common origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Quadric {
     /// `∑ w n nᵀ`: xx, yy, zz, xy, xz, yz.

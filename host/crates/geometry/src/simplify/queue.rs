@@ -4,13 +4,13 @@ use super::collapse::{Bench, Refusal, leaves_gap, placement};
 use super::quadric::Quadric;
 use super::surface::Surface;
 
-/// Rounds over all edges after some were refused: what stood in the way may be gone.
+/// Rounds over all edges after some were refused: what was in the way may be gone.
 const MOST_ROUNDS: usize = 6;
-/// Pairs of triangles looked at for each triangle given, before a mesh counts as too tangled. Sound meshes need 100.
+/// Pairs of triangles tested per input triangle before a mesh counts as too tangled. Sound meshes need 100.
 const PAIRS_PER_TRIANGLE: usize = 1500;
 const PAIRS_FOR_FEW: usize = 10_000_000;
 
-/// How the queue ran empty, or did not.
+/// How collapsing ended.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ended {
     pub(super) refused_by_topology: usize,
@@ -19,11 +19,11 @@ pub(super) struct Ended {
     pub(super) cancelled: bool,
 }
 
-/// An edge that waits.
+/// An edge in the queue.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     ends: [u32; 2],
-    /// Sum of how often the ends had changed when this was entered, above two bits of attempt.
+    /// Sum of how often the ends had changed when this was queued, above two bits of attempt.
     version: u32,
 }
 
@@ -33,11 +33,11 @@ impl Entry {
     }
 }
 
-/// Bits of a cost in single precision that do not matter: costs less than 1.6 % apart count as equal.
+/// Low bits of a cost, in single precision, that are ignored: costs less than 1.6 % apart count as equal.
 const BLUR: u32 = 17;
 
-/// Edges in buckets of about equal cost, last in first out: a binary heap takes twice the time, for an order that no
-/// one can tell from this one.
+/// Edges in buckets of about equal cost, last in first out. A binary heap takes twice as long, and its order gives no
+/// better result.
 #[derive(Debug, Default)]
 struct Queue {
     buckets: Vec<Vec<Entry>>,
@@ -71,15 +71,15 @@ impl Queue {
     }
 }
 
-/// A surface on its way down.
+/// A surface being simplified.
 #[derive(Debug)]
 pub(super) struct Collapser<'a> {
     pub(super) surface: &'a mut Surface,
     /// For each vertex, around the surface's centre.
     pub(super) quadrics: Vec<Quadric>,
-    /// For each vertex the distance to the nearest sheet that faces it.
+    /// For each vertex, the distance to the nearest sheet that faces it.
     pub(super) gaps: Vec<f64>,
-    /// For each vertex the one it was collapsed into, itself if it is still there.
+    /// For each vertex, the one it was collapsed into; itself if it still exists.
     pub(super) into: Vec<u32>,
     versions: Vec<u32>,
     queue: Queue,
@@ -92,8 +92,8 @@ impl<'a> Collapser<'a> {
         Self { surface, quadrics, gaps, into, versions, queue: Queue::default() }
     }
 
-    /// Collapses edges until `target` vertices are left or none may be collapsed. `report` is called every so often
-    /// and ends it all by returning `false`.
+    /// Collapses edges until `target` vertices are left or no edge may be collapsed. `report` is called now and then,
+    /// and stops the work by returning `false`.
     pub(super) fn run(&mut self, target: usize, mut report: impl FnMut(usize) -> bool) -> Ended {
         let mut bench = Bench::new(self.surface);
         let most_pairs = PAIRS_PER_TRIANGLE.saturating_mul(self.surface.triangles.len()) + PAIRS_FOR_FEW;
@@ -123,7 +123,7 @@ impl<'a> Collapser<'a> {
                 }
             }
             let live = self.surface.live_vertices;
-            // Another round is not worth its edges for less than a hundredth.
+            // Another round is not worth it if this one removed less than a hundredth of the vertices.
             if live <= target || 100 * (before - live) < before {
                 break;
             }

@@ -1,34 +1,34 @@
-//! Points spread evenly on a surface, by eliminating the most crowded of many (Yuksel 2015, "Sample elimination for
-//! generating Poisson disk sample sets").
+//! Points spread evenly on a surface, by eliminating the most crowded of many candidates (Yuksel 2015, "Sample
+//! Elimination for Generating Poisson Disk Sample Sets").
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use crate::box_tree::{Bounds, BoxTree};
+use crate::search::box_tree::{Bounds, BoxTree};
 use crate::{MeshError, TriangleMesh};
 
-/// Points to choose from for each point kept; the paper takes 5 for its figures, and more hardly helps.
+/// Candidates per point kept; the paper uses 5 for its figures, and more hardly helps.
 const CHOICE: usize = 5;
-/// The paper's exponent of the weight of a neighbour.
+/// The paper's exponent for the weight of a neighbour.
 const CROWDING: i32 = 8;
-/// More than this many candidates would not fit into indices.
+/// More candidates than this would not fit into the indices.
 const MOST: usize = 400_000_000;
 
-/// `count` points on the triangles, spread evenly over their area and no two much nearer than need be, for meshes that
-/// [`crate::simplify`] finds no surface in. Overlapping and facing sheets share their points. Fewer points come back
-/// only from a mesh without area (its distinct vertices then) or for more than 80 million.
+/// `count` points on the triangles, spread evenly over their area with no two much closer than necessary, for meshes in
+/// which [`crate::simplify::simplify`] finds no surface. Overlapping and facing sheets share their points. Fewer points
+/// are returned only for a mesh without area (its distinct vertices) or for more than 80 million.
 ///
 /// The same mesh gives the same points.
-pub fn sample_surface(mesh: &TriangleMesh, count: usize) -> Result<Vec<[f64; 3]>, MeshError> {
+pub(crate) fn sample_surface(mesh: &TriangleMesh, count: usize) -> Result<Vec<[f64; 3]>, MeshError> {
     mesh.validate()?;
     let extent = mesh.bounds().map_or(0.0, |(low, high)| (DVec3::from(high) - DVec3::from(low)).max_element());
     let unit = if extent > 0.0 { libm::scalbn(1.0, libm::ilogb(extent).clamp(-900, 900)) } else { 1.0 };
     let count = count.min(MOST / CHOICE);
     let (points, area) = candidates(mesh, unit, CHOICE * count);
     if area <= 0.0 {
-        let weld = crate::weld_vertices(&mesh.vertices, 0.0);
+        let weld = crate::surface::weld_vertices(&mesh.vertices, 0.0);
         return Ok(weld.representative.iter().take(count).map(|&v| mesh.vertices[v as usize]).collect());
     }
     // As far apart as in the densest packing of discs in the plane.
@@ -37,7 +37,7 @@ pub fn sample_surface(mesh: &TriangleMesh, count: usize) -> Result<Vec<[f64; 3]>
     Ok(kept.into_iter().map(|k| (points[k] * unit).to_array()).collect())
 }
 
-/// Evenly many points for equal areas, in units of `unit`, and the area.
+/// `count` candidates, equally dense over the area, in units of `unit`; and the area.
 fn candidates(mesh: &TriangleMesh, unit: f64, count: usize) -> (Vec<DVec3>, f64) {
     let corners = |t: &[u32; 3]| t.map(|v| DVec3::from(mesh.vertices[v as usize]) / unit);
     let area_of = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
@@ -51,21 +51,21 @@ fn candidates(mesh: &TriangleMesh, unit: f64, count: usize) -> (Vec<DVec3>, f64)
         let [a, b, c] = corners(triangle);
         covered += area_of([a, b, c]);
         while points.len() < count && (points.len() as f64 + 0.5) * step <= covered {
-            // The plastic number's sequence fills the square evenly, whatever part of it falls on one triangle.
+            // The plastic number's sequence fills the square evenly, whichever part of it falls on one triangle.
             let index = (points.len() + 1) as f64;
             let (u, v) = ((index * 0.754_877_666_246_692_8).fract(), (index * 0.569_840_290_998_053_3).fract());
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             points.push(a + (b - a) * u + (c - a) * v);
         }
     }
-    // Rounding of the sums may have left the last one over.
+    // Rounding of the sums may leave the last one over.
     while let Some(&last) = points.last().filter(|_| points.len() < count) {
         points.push(last);
     }
     (points, area)
 }
 
-/// Indices of the `count` points left when the most crowded goes again and again, ascending.
+/// Indices of the `count` points left after repeatedly removing the most crowded one, ascending.
 fn eliminate(points: &[DVec3], count: usize, spacing: f64) -> Vec<usize> {
     let tree =
         BoxTree::new((0..points.len() as u32).collect(), points.len(), |k| Bounds::around(&[points[k as usize]]));
@@ -86,7 +86,7 @@ fn eliminate(points: &[DVec3], count: usize, spacing: f64) -> Vec<usize> {
     for k in 0..points.len() as u32 {
         neighbours(k, &mut |_, weight| crowding[k as usize] += weight);
     }
-    // Weights only shrink: an entry that is too heavy goes back with the weight it has now.
+    // Weights only shrink: an entry that is too heavy goes back with its current weight.
     let key = |weight: f64| weight.max(0.0).to_bits();
     let mut heap: BinaryHeap<(u64, Reverse<u32>)> =
         crowding.iter().enumerate().map(|(k, &weight)| (key(weight), Reverse(k as u32))).collect();

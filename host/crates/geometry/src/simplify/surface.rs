@@ -1,28 +1,29 @@
-//! The surface while it is made coarser: vertices, triangles, and who is around whom.
+//! The surface being simplified: vertices, triangles, and which triangles are around each vertex.
 
 use glam::DVec3;
 
-use crate::box_tree::{Bounds, BoxTree, morton_order};
-use crate::{TriangleMesh, weld_vertices};
+use crate::TriangleMesh;
+use crate::search::box_tree::{Bounds, BoxTree, morton_order};
+use crate::surface::weld_vertices;
 
-/// In place of a vertex or triangle that is not there.
+/// Marks a vertex or triangle that does not exist.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// A triangle that is no more.
+/// A removed triangle.
 const GONE: [u32; 3] = [NONE; 3];
 
-/// A welded surface without repeated triangles. Vertices and triangles keep their numbers while others vanish.
+/// A welded surface without repeated triangles. Vertices and triangles keep their numbers while others are removed.
 #[derive(Debug)]
 pub(super) struct Surface {
     /// In units of [`Self::unit`].
     pub(super) positions: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// For each vertex where in `around` its triangles are listed, and how many.
+    /// For each vertex, where in `around` its triangles are listed, and how many there are.
     stars: Vec<[u32; 2]>,
-    /// Triangles around vertices, with some that are no more.
+    /// Triangles around vertices, including some that have been removed.
     around: Vec<u32>,
     boxes: BoxTree,
-    /// Triangles when `boxes` were last built.
+    /// Number of triangles when `boxes` were last built.
     boxed: usize,
     pub(super) live_vertices: usize,
     pub(super) live_triangles: usize,
@@ -33,8 +34,8 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// Joins vertices at one place, and leaves out triangles with equal corners, repeated triangles, and vertices
-    /// without a triangle. Also says for every given vertex which one it is now ([`NONE`] if left out).
+    /// Merges vertices at one place, and drops triangles with equal corners, repeated triangles, and vertices without a
+    /// triangle. Also returns what each given vertex became ([`NONE`] if dropped).
     pub(super) fn new(mesh: &TriangleMesh) -> (Self, Vec<u32>) {
         let weld = weld_vertices(&mesh.vertices, 0.0);
         let unit = unit_of(mesh);
@@ -85,7 +86,7 @@ impl Surface {
         self.around[first..first + count].iter().copied().filter(|&t| self.is_alive(t))
     }
 
-    /// No fewer than the triangles at a vertex, without going through them.
+    /// An upper bound on the number of triangles at a vertex, without going through them.
     pub(super) fn star_bound(&self, vertex: u32) -> usize {
         self.stars[vertex as usize][1] as usize
     }
@@ -109,7 +110,7 @@ impl Surface {
         });
     }
 
-    /// Puts `kept` at `place` and makes it a corner of all triangles of `lost`; those with both vanish.
+    /// Moves `kept` to `place` and makes it a corner of all triangles of `lost`; triangles with both are removed.
     pub(super) fn collapse(&mut self, kept: u32, lost: u32, place: DVec3) {
         let first = self.around.len();
         for vertex in [kept, lost] {
@@ -154,7 +155,7 @@ impl Surface {
         self.boxed = self.live_triangles;
     }
 
-    /// The triangles left, in the mesh's own unit, and the number of every vertex in it.
+    /// The remaining triangles, in the mesh's own unit, and the number of every vertex in that mesh.
     pub(super) fn to_mesh(&self) -> (TriangleMesh, Vec<u32>) {
         let (mut mesh, mut name) = (TriangleMesh::default(), vec![NONE; self.positions.len()]);
         for triangle in self.triangles.iter().filter(|&&t| t != GONE) {

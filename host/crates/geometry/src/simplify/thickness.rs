@@ -1,19 +1,29 @@
-//! How far it is from a vertex to the sheet that faces it, through the volume or across a gap.
+//! The distance from a vertex to the sheet that faces it, through the volume or across a gap.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::surface::Surface;
-use crate::box_tree::Bounds;
-use crate::hierarchy::segment_meets_triangle;
+use crate::TriangleMesh;
+use crate::search::box_tree::Bounds;
+use crate::search::triangle_queries::segment_meets_triangle;
 
-/// Rays start this far from their vertex, in sizes of the surface: what is nearer counts as touching.
+/// Rays start this far from their vertex, relative to the size of the surface: anything nearer counts as touching.
 const START: f64 = 1e-7;
 
-/// For each vertex the distances to the first facing sheet within `reach`, along the normal (a gap) and against it
-/// (a thickness); infinite where there is none.
+/// For each vertex, the distances to the first facing sheet within `reach`, along the normal (a gap) and against it (a
+/// thickness); infinite where there is none.
 pub(super) fn facing_distances(surface: &Surface, reach: f64) -> Vec<[f64; 2]> {
     (0..surface.positions.len() as u32).into_par_iter().map(|v| of_vertex(surface, v, reach)).collect()
+}
+
+/// For each vertex of a mesh, how far the sheets that face it are, across a gap and through the volume, in the mesh's
+/// unit; infinite where there is none within `reach`, and 0 for a vertex in no triangle.
+pub(crate) fn space_around(mesh: &TriangleMesh, reach: f64) -> Vec<[f64; 2]> {
+    let (surface, given) = Surface::new(mesh);
+    let distances = facing_distances(&surface, reach / surface.unit);
+    let of = |&v: &u32| distances.get(v as usize).map_or([0.0; 2], |facing| facing.map(|far| far * surface.unit));
+    given.iter().map(of).collect()
 }
 
 fn of_vertex(surface: &Surface, vertex: u32, reach: f64) -> [f64; 2] {
@@ -22,7 +32,7 @@ fn of_vertex(surface: &Surface, vertex: u32, reach: f64) -> [f64; 2] {
     [normal, -normal].map(|direction| first_facing(surface, vertex, normal, direction * reach) * reach)
 }
 
-/// The first triangle turned against `normal` along a ray from a vertex, as a fraction of the ray.
+/// The first triangle facing against `normal` along a ray from a vertex, as a fraction of the ray.
 fn first_facing(surface: &Surface, vertex: u32, normal: DVec3, ray: DVec3) -> f64 {
     let from = surface.positions[vertex as usize] + ray * (START / ray.length());
     let inverse = ray.recip();

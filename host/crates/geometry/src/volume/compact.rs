@@ -1,9 +1,9 @@
-//! Leaves out vertices that no element uses.
+//! Removes vertices that no element uses.
 
 use crate::TetrahedralMesh;
 
-/// `mesh` without unused vertices, and the new number of each vertex. Vertices of `first` come first, in that order,
-/// as far as they are used; the others keep theirs.
+/// `mesh` without unused vertices, and the new number of each vertex. The used vertices among `first` come first, in
+/// that order; the others keep their order.
 pub(super) fn compact(mesh: &TetrahedralMesh, first: impl Iterator<Item = u32>) -> (TetrahedralMesh, Vec<Option<u32>>) {
     let mut used = vec![false; mesh.vertices.len()];
     for &vertex in mesh.tetrahedra.iter().flatten() {

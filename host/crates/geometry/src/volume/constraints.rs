@@ -1,29 +1,29 @@
-//! The facets that should be facets of the tetrahedra, and the smaller ones they are cut into.
+//! The facets that should be facets of the tetrahedra, and the smaller ones they are split into.
 
 use std::collections::HashMap;
 
 const NONE: u32 = u32::MAX;
 
-/// How far a facet has come.
+/// The state of a facet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
-    /// Not yet a facet of a tetrahedron, or not looked at.
+    /// Not yet a facet of a tetrahedron, or not checked.
     Missing,
-    /// Present, and kept.
+    /// Present, and locked.
     Locked,
-    /// Cut into smaller ones.
+    /// Split into smaller ones.
     Split,
-    /// Left out.
+    /// Given up.
     GivenUp,
 }
 
-/// A surface that is cut finer where the tetrahedra ask for it. Two triangles that share an edge go on sharing its
+/// A surface that is split more finely where the tetrahedra require it. Two triangles that share an edge also share its
 /// parts.
 #[derive(Debug)]
 pub(super) struct Constraints {
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) state: Vec<State>,
-    /// Which of the first triangles each belongs to.
+    /// Which of the original triangles each belongs to.
     pub(super) parent: Vec<u32>,
     /// How often each was cut.
     pub(super) depth: Vec<u8>,

@@ -1,11 +1,9 @@
 //! The finite tetrahedra of a triangulation as plain arrays.
 
-use glam::DVec3;
+use crate::delaunay::{INFINITE, NO_TETRAHEDRON, Triangulation};
+use crate::vectors::{places, six_volumes};
 
-use crate::delaunay::Triangulation;
-use crate::delaunay::{INFINITE, NO_TETRAHEDRON};
-
-/// Tetrahedra with what the segmentation asks about them.
+/// Tetrahedra with what the segmentation needs to know about them.
 #[derive(Debug, Default)]
 pub(super) struct Elements {
     /// n×3 positions in the mesh's unit, in the triangulation's numbering.
@@ -18,7 +16,7 @@ pub(super) struct Elements {
     /// Whether those facets are of the shell.
     pub(super) locked: Vec<[bool; 4]>,
     pub(super) volumes: Vec<f64>,
-    /// For each tetrahedron of the triangulation the one here.
+    /// For each tetrahedron of the triangulation, its index here.
     pub(super) index_of: Vec<u32>,
 }
 
@@ -26,15 +24,15 @@ impl Elements {
     /// `shift` is the power of two by which the triangulation's coordinates are larger.
     pub(super) fn new(triangulation: &Triangulation, shift: i32) -> Self {
         let mut elements = Self {
-            vertices: triangulation.points.iter().map(|p| p.map(|c| libm::scalbn(c, -shift))).collect(),
-            index_of: vec![NO_TETRAHEDRON; triangulation.corners.len()],
+            vertices: triangulation.points().iter().map(|p| p.map(|c| libm::scalbn(c, -shift))).collect(),
+            index_of: vec![NO_TETRAHEDRON; triangulation.slots() as usize],
             ..Self::default()
         };
-        for tet in 0..triangulation.corners.len() as u32 {
+        for tet in 0..triangulation.slots() {
             if triangulation.is_alive(tet) && triangulation.infinite_slot(tet).is_none() {
                 elements.index_of[tet as usize] = elements.tetrahedra.len() as u32;
-                elements.tetrahedra.push(triangulation.corners[tet as usize]);
-                elements.neighbours.push(triangulation.neighbours[tet as usize]);
+                elements.tetrahedra.push(triangulation.corners(tet));
+                elements.neighbours.push(triangulation.neighbours(tet));
                 elements.locked.push(std::array::from_fn(|slot| triangulation.is_locked(tet, slot)));
             }
         }
@@ -43,9 +41,9 @@ impl Elements {
         }
         for t in &elements.tetrahedra {
             debug_assert!(!t.contains(&INFINITE));
-            let p = t.map(|v| DVec3::from(elements.vertices[v as usize]));
-            // Exactly they are positive; rounded, flat ones may come out a little below zero.
-            elements.volumes.push(((p[1] - p[0]).dot((p[2] - p[0]).cross(p[3] - p[0])) / 6.0).max(0.0));
+            let p = places(&elements.vertices, *t);
+            // They are exactly positive; after rounding, flat ones may come out slightly below zero.
+            elements.volumes.push((six_volumes(p) / 6.0).max(0.0));
             let area = |k: usize| {
                 let [a, b, c] = [p[(k + 1) % 4], p[(k + 2) % 4], p[(k + 3) % 4]];
                 0.5 * (b - a).cross(c - a).length()

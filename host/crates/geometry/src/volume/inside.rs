@@ -3,21 +3,26 @@
 use std::ops::ControlFlow;
 
 use super::closed_winding::closed_winding;
-use super::peel::{longest_edge, peel};
+use super::elements::Elements;
+use super::error::VolumeError;
+use super::input::VolumeSettings;
+use super::peel::{longest_edge_of, peel};
+use super::strays::{Needed, drop_strays};
 use super::tessellate::Tessellation;
-use super::{VolumeError, VolumeSettings};
-use crate::{
-    ConstraintInput, ConstraintSettings, ElementWindingSettings, FastWindingNumber, Label, connect_vertices,
-    connected_components, element_winding, graph_cut, make_manifold, satisfy_facets,
+use crate::segmentation::{
+    ConstraintInput, ConstraintSettings, ElementWindingSettings, Label, connect_vertices, element_winding, graph_cut,
+    make_manifold, satisfy_facets,
 };
+use crate::surface::connected_components;
+use crate::winding::FastWindingNumber;
 
-/// Around an open surface the winding number is nowhere an integer, but smooth, and the barycentre is good enough; only
-/// where it changes over a facet that is not of the surface, a facet is missing, and the element takes more points.
+/// Around an open surface the winding number is smooth and nowhere an integer, and the barycentre is good enough. Only
+/// where it jumps across a facet that is not on the surface, because a facet is missing, does an element need more points.
 const RULE: ElementWindingSettings = ElementWindingSettings { from_integer: 0.5, from_neighbour: 0.1, refinements: 0 };
 
-/// An inside with no more than this share of the convex hull is rounding.
+/// An inside of no more than this share of the convex hull is due to rounding.
 const NOTHING: f64 = 1e-9;
-/// What the cube of its longest edge adds to the volume of an element that is to join bones.
+/// The multiple of its longest edge cubed that is added to the volume of an element that is to join bones.
 const SLENDER: f64 = 0.01;
 
 /// Mean winding numbers and labels of elements.
@@ -26,8 +31,8 @@ pub(super) struct Inside {
     pub(super) labels: Vec<bool>,
 }
 
-/// Labels by the winding number, the graph cut, and then what has to be inside besides: bones that hang together,
-/// and with `every_vertex` an element at each vertex of the shell.
+/// Labels from the winding number and the graph cut, then whatever else must be inside: connected bones, and with
+/// `every_vertex` an element at each vertex of the shell.
 pub(super) fn find_inside(
     whole: &mut Tessellation,
     field: &FastWindingNumber,
@@ -41,24 +46,24 @@ pub(super) fn find_inside(
         &whole.elements,
         &whole.triangles,
         &whole.constraint_of,
+        &|p| field.evaluate(p),
     );
-    whole.report.closed = closed.is_some();
+    whole.report.closed = closed.as_ref().is_some_and(|known| known.iter().all(Option::is_some));
     let elements = &whole.elements;
-    let winding = if let Some(winding) = closed {
-        winding
-    } else {
-        let mut told = |done| progress(0.5 * done);
-        let evaluate = |p| field.evaluate(p);
-        let (vertices, open) = (&elements.vertices, elements.open_neighbours());
-        element_winding(vertices, &elements.tetrahedra, &open, &evaluate, &RULE, &mut told)?.means
-    };
-    let mut told = |done| progress(0.5 + 0.4 * done);
+    let known = closed.unwrap_or_else(|| vec![None; elements.tetrahedra.len()]);
+    let winding = completed(elements, known, field, &mut |done| progress(0.5 * done))?;
+    let mut told = |_: &str, done| progress(0.5 + 0.4 * done);
     let cut = graph_cut(&winding, &elements.neighbours, &elements.areas, &settings.segmentation, &mut told)?;
     let mut labels = cut.inside;
-    whole.report.flat_elements_left_out = peel(elements, &mut labels);
+    let needed = Needed::of(whole, every_vertex);
+    whole.report.flat_elements_left_out = peel(elements, &needed.either(), &mut labels);
     if every_vertex {
         whole.report.elements_for_vertices = hold_vertices(whole, &winding, &mut labels);
     }
+    let strays = drop_strays(&whole.elements, &needed, &mut labels);
+    whole.report.pieces_left_out = strays.left_out;
+    whole.report.elements_for_vertices += strays.bridges;
+    let elements = &whole.elements;
     let volume_inside: f64 = elements.volumes.iter().zip(&labels).filter(|(_, inside)| **inside).map(|(v, _)| v).sum();
     if volume_inside <= NOTHING * elements.volumes.iter().sum::<f64>() {
         return Err(VolumeError::Empty);
@@ -78,7 +83,33 @@ pub(super) fn find_inside(
     Ok(Inside { winding, labels })
 }
 
-/// Puts the element with the largest winding number at each vertex of the shell that has none inside there; how many.
+/// The winding number of all elements, integrated over those where it is not known.
+fn completed(
+    elements: &Elements,
+    known: Vec<Option<f64>>,
+    field: &FastWindingNumber,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Vec<f64>, VolumeError> {
+    let unknown: Vec<usize> = (0..known.len()).filter(|&element| known[element].is_none()).collect();
+    let mut winding: Vec<f64> = known.into_iter().map(|w| w.unwrap_or(0.0)).collect();
+    if unknown.is_empty() {
+        return Ok(winding);
+    }
+    let mut index_of = vec![u32::MAX; winding.len()];
+    unknown.iter().enumerate().for_each(|(index, &element)| index_of[element] = index as u32);
+    let tetrahedra: Vec<[u32; 4]> = unknown.iter().map(|&element| elements.tetrahedra[element]).collect();
+    let open = elements.open_neighbours();
+    let among = |n: u32| index_of.get(n as usize).copied().unwrap_or(u32::MAX);
+    let neighbours: Vec<[u32; 4]> = unknown.iter().map(|&element| open[element].map(among)).collect();
+    let (vertices, evaluate) = (&elements.vertices, |p| field.evaluate(p));
+    let found =
+        element_winding(vertices, &tetrahedra, &neighbours, &evaluate, &RULE, &mut |_, done| progress(done))?.means;
+    unknown.into_iter().zip(found).for_each(|(element, mean)| winding[element] = mean);
+    Ok(winding)
+}
+
+/// At each vertex of the shell without an inside element, makes the one with the largest winding number inside; returns
+/// how many.
 fn hold_vertices(whole: &Tessellation, winding: &[f64], labels: &mut [bool]) -> usize {
     let elements = &whole.elements;
     let mut best: Vec<Option<usize>> = vec![None; elements.vertices.len()];
@@ -105,7 +136,7 @@ fn hold_vertices(whole: &Tessellation, winding: &[f64], labels: &mut [bool]) -> 
     added
 }
 
-/// Labels with which bones that hang together lie in one piece, and every point handle belongs to an element inside.
+/// Labels for which connected bones are in one piece, and every point handle belongs to an inside element.
 fn connect(
     whole: &mut Tessellation,
     winding: &[f64],
@@ -116,15 +147,16 @@ fn connect(
     let mut groups = bone_groups(&whole.segments);
     groups.extend(whole.points.iter().map(|&point| vec![point]));
     let (tetrahedra, neighbours) = (&elements.tetrahedra, &elements.neighbours);
-    // By their volume flat elements would make the cheapest chains.
-    let bulk = |element: usize| elements.volumes[element] + SLENDER * longest_edge(elements, element).powi(3);
+    // With their volume as cost, flat elements would make the cheapest chains.
+    let bulk = |element: usize| elements.volumes[element] + SLENDER * longest_edge_of(elements, element).powi(3);
     let measures: Vec<f64> = (0..tetrahedra.len()).map(bulk).collect();
-    let connected = connect_vertices(tetrahedra, neighbours, winding, &measures, labels, &groups, progress)?;
+    let connected =
+        connect_vertices(tetrahedra, neighbours, winding, &measures, labels, &groups, &mut |_, done| progress(done))?;
     whole.report.elements_for_bones = connected.added.iter().map(|chain| chain.elements.len()).sum();
     Ok(connected.inside)
 }
 
-/// Labels with which the recovered facets have an element inside; or, where `kept` elements stay inside, those of a
+/// Labels for which the recovered facets have an inside element; or, if `kept` elements stay inside, those of a
 /// manifold boundary.
 fn constrain(
     whole: &mut Tessellation,
@@ -148,8 +180,8 @@ fn constrain(
     };
     let how = ConstraintSettings { segmentation: settings.segmentation, ..ConstraintSettings::default() };
     let found = match kept {
-        None => satisfy_facets(&input, &how, progress)?,
-        Some(_) => make_manifold(&input, &elements.tetrahedra, &how, progress)?,
+        None => satisfy_facets(&input, &how, &mut |_, done| progress(done))?,
+        Some(_) => make_manifold(&input, &elements.tetrahedra, &how, &mut |_, done| progress(done))?,
     };
     whole.report.elements_for_constraints += found.added;
     whole.report.constraints_unsatisfied = found.unsatisfied.len();
@@ -166,7 +198,7 @@ fn winding_error(volumes: &[f64], winding: &[f64], labels: &[bool]) -> f64 {
     if inside > 0.0 { wrong / inside } else { 0.0 }
 }
 
-/// The vertices of bones that hang together through shared ends.
+/// The vertices of bones connected through shared ends.
 pub(super) fn bone_groups(runs: &[Vec<u32>]) -> Vec<Vec<u32>> {
     let mut numbers: Vec<u32> = runs.iter().flatten().copied().collect();
     numbers.sort_unstable();

@@ -1,21 +1,21 @@
-//! A graded octree: as fine as asked for at some points, and neighbours never differ by more than one level.
+//! A graded octree: as fine as required at some points, and neighbours never differ by more than one level.
 
 use rayon::prelude::*;
 
 /// Levels below the root; cells of the last are 2⁻²⁰ of the box, and three of these numbers fit into 64 bits.
-const DEEPEST: u32 = 20;
+pub(super) const DEEPEST: u32 = 20;
 
-/// A cube cut into eight again and again.
+/// A recursively subdivided cube.
 #[derive(Debug)]
 pub(super) struct Octree {
     low: [f64; 3],
     /// Side of the root.
     size: f64,
-    /// For each level the keys of the cells that are cut, ascending.
+    /// For each level, the keys of the subdivided cells, ascending.
     cut: Vec<Vec<u64>>,
 }
 
-/// A cell that is not cut.
+/// A cell that is not subdivided.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Leaf {
     pub(super) centre: [f64; 3],
@@ -23,9 +23,9 @@ pub(super) struct Leaf {
 }
 
 impl Octree {
-    /// The octree in which the cell of each point is no larger than the size that comes with it, and each cell cut
-    /// has all its 26 neighbours.
-    pub(super) fn new(low: [f64; 3], high: [f64; 3], points: &[([f64; 3], f64)]) -> Self {
+    /// The octree in which the cell of each point is no larger than that point's size, as far as `deepest` levels allow
+    /// (at most [`DEEPEST`]), and each subdivided cell has all its 26 neighbours.
+    pub(super) fn new(low: [f64; 3], high: [f64; 3], points: &[([f64; 3], f64)], deepest: u32) -> Self {
         let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
         // A power of two, so that centres of cells lie on a lattice without rounding.
         let size = libm::exp2(libm::ceil(libm::log2(extent * 1.0625).max(-1000.0)));
@@ -33,7 +33,7 @@ impl Octree {
         let mut tree = Self { low: snapped, size, cut: Vec::new() };
         let mut cut: Vec<Vec<u64>> = vec![Vec::new(); DEEPEST as usize + 1];
         for &(point, wanted) in points {
-            let level = libm::ceil(libm::log2(size / wanted)).clamp(0.0, f64::from(DEEPEST)) as u32;
+            let level = libm::ceil(libm::log2(size / wanted)).clamp(0.0, f64::from(deepest.min(DEEPEST))) as u32;
             if level > 0 {
                 // Its parent has to be cut.
                 cut[level as usize - 1].push(key(tree.cell_at(point, level - 1)));
@@ -52,6 +52,11 @@ impl Octree {
         }
         tree.cut = cut;
         tree
+    }
+
+    /// Levels of cells below the root.
+    pub(super) fn depth(&self) -> u32 {
+        self.cut.len() as u32
     }
 
     fn cell_at(&self, point: [f64; 3], level: u32) -> [u32; 3] {
@@ -131,7 +136,7 @@ mod tests {
     #[test]
     fn cells_are_as_fine_as_asked_and_graded() {
         let point = [0.3, 0.3, 0.3];
-        let tree = Octree::new([0.0; 3], [1.0; 3], &[(point, 0.01)]);
+        let tree = Octree::new([0.0; 3], [1.0; 3], &[(point, 0.01)], DEEPEST);
         assert!(tree.size_at(point) <= 0.01 && tree.size_at([0.9; 3]) > 0.1);
         let leaves = tree.leaves();
         let volume: f64 = leaves.iter().map(|leaf| leaf.size.powi(3)).sum();

@@ -1,26 +1,25 @@
-//! Slivers on the boundary of a mesh that no operation could make better.
+//! Slivers on the boundary of a mesh that no operation could improve.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::DVec3;
+use crate::TetrahedralMesh;
+use crate::facets::neighbour_pairs;
+use crate::surface::connected_components;
+use crate::vectors::{is_flatter, places};
 
-use super::peel::longest;
-use super::solid::facet_neighbours;
-use crate::{TetrahedralMesh, connected_components};
-
-/// Elements with a smaller height than this, beside their longest edge, are slivers.
+/// Elements with a smaller height than this, relative to their longest edge, are slivers.
 const SLIVER: f64 = 2e-3;
 
-/// Takes slivers off a mesh whose boundary may recede by as little as they are high, one layer after the other; how
-/// many. Each vertex that is `needed` keeps an element of every piece it is in, and what is joined, through facets or
-/// through corners alone, stays so: slivers that alone join it are left. One flat element is enough to spoil a Hessian
-/// with its cotangents.
+/// Removes slivers from a mesh whose boundary may recede by their small height, layer by layer; returns how many. Each
+/// `needed` vertex keeps an element of every piece it is in, and whatever is connected, through facets or only through
+/// corners, stays connected: slivers that are the only connection are kept. A single flat element is enough to spoil a
+/// Hessian with its cotangents.
 pub(super) fn peel_slivers(mesh: &mut TetrahedralMesh, needed: &[bool]) -> usize {
     let slivers: Vec<bool> = mesh.tetrahedra.iter().map(|&corners| is_sliver(mesh, corners)).collect();
     if !slivers.contains(&true) {
         return 0;
     }
-    let neighbours = facet_neighbours(mesh);
+    let neighbours = neighbour_pairs(&mesh.tetrahedra);
     let whole = Pieces::of(mesh, &neighbours, |_| true);
     let mut gone = peel(mesh, &slivers, needed, &neighbours, &whole);
     let kept = Pieces::of(mesh, &neighbours, |element| !gone[element]);
@@ -34,7 +33,7 @@ pub(super) fn peel_slivers(mesh: &mut TetrahedralMesh, needed: &[bool]) -> usize
     peeled
 }
 
-/// What hangs together.
+/// Connected pieces.
 struct Pieces {
     /// The piece of every element, joined through facets.
     of_element: Vec<u32>,
@@ -55,7 +54,7 @@ impl Pieces {
     }
 }
 
-/// Which slivers go if nothing but vertices is needed.
+/// Which slivers go if only vertices are needed.
 fn peel(
     mesh: &TetrahedralMesh,
     slivers: &[bool],
@@ -64,7 +63,7 @@ fn peel(
     whole: &Pieces,
 ) -> Vec<bool> {
     let is_needed = |v: &u32| needed.get(*v as usize).is_some_and(|&needed| needed);
-    // Elements at each vertex that is needed, by the vertex and their piece.
+    // Elements at each needed vertex, by the vertex and their piece.
     let mut at: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     for (corners, &piece) in mesh.tetrahedra.iter().zip(&whole.of_element) {
         corners.iter().filter(|v| is_needed(v)).for_each(|&v| *at.entry((v, piece)).or_default() += 1);
@@ -91,7 +90,7 @@ fn peel(
     gone
 }
 
-/// Leaves those groups of slivers without which pieces of the whole would fall apart: any way from one kept element to
+/// Restores the groups of slivers without which pieces of the whole would fall apart: any path from one kept element to
 /// another runs through such groups and kept pieces in turn.
 fn put_joints_back(mesh: &TetrahedralMesh, neighbours: &[[u32; 2]], whole: &Pieces, kept: &Pieces, gone: &mut [bool]) {
     let groups = Pieces::of(mesh, neighbours, |element| gone[element]);
@@ -117,7 +116,7 @@ fn put_joints_back(mesh: &TetrahedralMesh, neighbours: &[[u32; 2]], whole: &Piec
     }
 }
 
-/// Groups that touch two kept pieces in one of the whole.
+/// Groups that touch two kept pieces within one piece of the whole.
 fn joining(mut touched: Vec<[u32; 3]>) -> BTreeSet<u32> {
     touched.sort_unstable();
     touched.dedup();
@@ -125,13 +124,7 @@ fn joining(mut touched: Vec<[u32; 3]>) -> BTreeSet<u32> {
 }
 
 fn is_sliver(mesh: &TetrahedralMesh, corners: [u32; 4]) -> bool {
-    let p = corners.map(|v| DVec3::from(mesh.vertices[v as usize]));
-    let volume_6 = (p[1] - p[0]).dot((p[2] - p[0]).cross(p[3] - p[0]));
-    let doubled = |k: usize| {
-        let [a, b, c] = [1, 2, 3].map(|step| p[(k + step) % 4]);
-        (b - a).cross(c - a).length()
-    };
-    volume_6 <= SLIVER * longest(p) * (0..4).map(doubled).fold(0.0, f64::max)
+    is_flatter(places(&mesh.vertices, corners), SLIVER)
 }
 
 #[cfg(test)]

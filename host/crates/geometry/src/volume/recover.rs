@@ -1,7 +1,7 @@
 //! Boundary recovery: makes the facets of a surface facets of the tetrahedra (thesis 8.5).
 //!
 //! First by flips, which leave the surface whole; then, where flips are stuck, by new points on it. Two facets that
-//! cross get a point where they do. What is still missing then is left out and told.
+//! cross get a point at their crossing. Facets that are still missing then are given up and reported.
 
 use std::ops::ControlFlow;
 
@@ -14,19 +14,19 @@ use crate::delaunay::{Crossing, Refusal, Triangulation};
 const MOST_FLIPS: usize = 40;
 /// How often a facet is cut before it is given up; parts of the fifth generation are some six times shorter.
 const DEEPEST: u8 = 5;
-/// Coordinates nearer to zero, beside the range that exact signs need, are set to zero.
+/// Coordinates closer to zero than exact signs allow are set to zero.
 const SMALLEST: f64 = f64::from_bits((1023 - 162) << 52);
 const REPORT_EVERY: usize = 2048;
 
-/// What stands in the way of an edge or a facet.
+/// What blocks an edge or a facet.
 enum Obstacle {
-    /// Flips found no way; a new point here, on the edge or inside the triangle, would help.
+    /// No flip worked; a new point here, on the edge or inside the triangle, would help.
     Stuck,
-    /// This vertex lies on the edge.
+    /// This vertex is on the edge.
     Vertex(u32),
-    /// A facet that is needed as well crosses the edge.
+    /// Another required facet crosses the edge.
     CrossesFacet([u32; 3]),
-    /// An edge that is needed as well crosses the edge or the triangle.
+    /// Another required edge crosses the edge or the triangle.
     CrossesEdge([u32; 2]),
     /// Nothing can be done.
     Hopeless,
@@ -38,16 +38,16 @@ impl Obstacle {
     }
 }
 
-/// How much is done for facets that are not there.
+/// The effort spent on missing facets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
-    /// How many new points may be used.
+    /// Most new points.
     pub(super) most_points: usize,
-    /// Whether facets that cross are cut where they do; else the second of them is left out.
+    /// Whether facets that cross are split at the crossing; otherwise the second of them is given up.
     pub(super) cut_crossings: bool,
 }
 
-/// Recovers what it can. The locked facets are then those that are there.
+/// Recovers as much as possible. The locked facets are then those that are present.
 pub(super) fn recover(
     triangulation: &mut Triangulation,
     constraints: &mut Constraints,
@@ -55,7 +55,7 @@ pub(super) fn recover(
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> ControlFlow<()> {
     triangulation.track();
-    let first_new = triangulation.points.len();
+    let first_new = triangulation.points().len();
     let mut work = Recovery { triangulation, constraints, star: Vec::new(), first_new };
     let mut open: Vec<u32> = Vec::new();
     let count = work.constraints.triangles.len();
@@ -99,7 +99,8 @@ impl Recovery<'_> {
         true
     }
 
-    /// The edges of a triangle, then itself; on failure the edge it stands at, or `None` for the inside.
+    /// Recovers the edges of a triangle, then itself; on failure returns the edge where it got stuck, or `None` for the
+    /// inside.
     fn by_flips(&mut self, triangle: u32) -> Result<(), (Option<[u32; 2]>, Obstacle)> {
         let [a, b, c] = self.constraints.triangles[triangle as usize];
         for edge in [[a, b], [b, c], [c, a]] {
@@ -140,11 +141,11 @@ impl Recovery<'_> {
         Err(Obstacle::Stuck)
     }
 
-    /// Takes away an edge of a facet at which it and the tetrahedra on its two sides turn inwards.
+    /// Removes an edge of a facet at which it and the tetrahedra on its two sides turn inwards.
     fn remove_reflex_edge(&mut self, tet: u32, slot: usize) -> bool {
         let apex = self.triangulation.apex_across(tet, slot);
-        let Some(&position) = self.triangulation.points.get(apex as usize) else { return false };
-        let corners = self.triangulation.corners[tet as usize];
+        let Some(&position) = self.triangulation.points().get(apex as usize) else { return false };
+        let corners = self.triangulation.corners(tet);
         for k in (0..4).filter(|&k| k != slot) {
             if self.triangulation.orientation_with(tet, k, &position) > 0.0 {
                 continue;
@@ -180,7 +181,7 @@ impl Recovery<'_> {
     }
 
     fn facet(&self, tet: u32, slot: usize) -> [u32; 3] {
-        let corners = self.triangulation.corners[tet as usize];
+        let corners = self.triangulation.corners(tet);
         [corners[(slot + 1) % 4], corners[(slot + 2) % 4], corners[(slot + 3) % 4]]
     }
 
@@ -201,7 +202,7 @@ impl Recovery<'_> {
                 continue;
             }
             let Err((edge, obstacle)) = self.by_flips(triangle) else { continue };
-            let used = self.triangulation.points.len() - self.first_new;
+            let used = self.triangulation.points().len() - self.first_new;
             let may_cut = used < effort.most_points
                 && self.constraints.depth[triangle as usize] < DEEPEST
                 && (effort.cut_crossings || !obstacle.is_a_crossing());
@@ -212,7 +213,7 @@ impl Recovery<'_> {
         ControlFlow::Continue(())
     }
 
-    /// Cuts a triangle, with all that share the place, where something stands in its way.
+    /// Splits a triangle, with everything that shares the place, where something blocks it.
     fn cut(&mut self, triangle: u32, edge: Option<[u32; 2]>, obstacle: &Obstacle, open: &mut Vec<u32>) -> bool {
         let corners = self.constraints.triangles[triangle as usize];
         let position = match (edge, obstacle) {
@@ -232,7 +233,7 @@ impl Recovery<'_> {
         };
         let Some(position) = position else { return false };
         let position = position.to_array().map(|c| if c.abs() < SMALLEST { 0.0 } else { c });
-        // A facet that the new point will cut has to let it in.
+        // A facet that the new point will split must let it in.
         let cut_facets = match *obstacle {
             Obstacle::CrossesFacet(facet) => self.constraints.find(facet).into_iter().collect(),
             Obstacle::CrossesEdge([a, b]) => self.constraints.around(a, b),
@@ -288,11 +289,11 @@ impl Recovery<'_> {
     }
 
     fn at(&self, vertex: u32) -> DVec3 {
-        DVec3::from(self.triangulation.points[vertex as usize])
+        DVec3::from(*self.triangulation.point(vertex))
     }
 
-    /// Near the middle. From a given vertex the distance is a power of two, so that edges that meet at a small angle
-    /// are cut alike and leave each other in peace (Ruppert 1995).
+    /// Near the middle. The distance from a given vertex is a power of two, so that edges that meet at a small angle
+    /// are split alike and do not split each other further (Ruppert 1995).
     fn point_on_edge(&self, [a, b]: [u32; 2]) -> Option<DVec3> {
         let (a, b) = if (b as usize) < self.first_new && a as usize >= self.first_new { (b, a) } else { (a, b) };
         let (from, to) = (self.at(a), self.at(b));

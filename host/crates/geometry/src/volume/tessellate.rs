@@ -1,65 +1,56 @@
-//! Tetrahedra of all the sites, with the shell's facets among their facets as far as they can be had.
+//! Tetrahedra of all the sites, with as many as possible of the shell's facets among their facets.
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 
 use super::constraints::{Constraints, State};
 use super::elements::Elements;
-use super::octree::Octree;
+use super::error::VolumeError;
 use super::recover::{Effort, recover};
 use super::report::VolumeReport;
 use super::shell::{Places, Shell};
-use super::{Field, VolumeError, VolumeInput, VolumeStage, sites};
-use crate::delaunay::{Bulk, triangulate};
+use super::sites::Sites;
+use crate::delaunay::Bulk;
 use crate::predicates::collinear;
 
-/// New vertices on the shell, for each of its own, at most ...
+/// Most new vertices on the shell, per shell vertex ...
 const POINTS_A_VERTEX: usize = 1;
-/// ... and these in any case.
+/// ... but at least this many.
 const POINTS_AT_LEAST: usize = 4000;
 
 /// The whole of the convex hull in tetrahedra. Vertices are in the triangulation's numbering.
 pub(super) struct Tessellation {
     pub(super) bulk: Bulk,
     pub(super) constraints: Constraints,
-    /// The shell's triangles; the two lists that follow belong to it.
+    /// The shell's triangles; the next two lists belong to it.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Which constraint each of them is; none if it has no area.
+    /// The constraint of each triangle; none if it has no area.
     pub(super) constraint_of: Vec<Option<u32>>,
-    /// Where the shell's vertices are; those in no triangle are nowhere.
+    /// The vertex of each shell vertex; none for those in no triangle.
     pub(super) shell: Vec<Option<u32>>,
-    /// Where the vertices along each bone are, from head to tail.
+    /// The vertices along each bone, from head to tail.
     pub(super) segments: Vec<Vec<u32>>,
-    /// Where the point handles are.
+    /// The vertices of the point handles.
     pub(super) points: Vec<u32>,
     pub(super) elements: Elements,
     pub(super) report: VolumeReport,
 }
 
-/// Points, and which of them are what.
-struct Sites {
-    positions: Vec<[f64; 3]>,
-    shell: Vec<Option<u32>>,
-    segments: Vec<Vec<u32>>,
-    points: Vec<u32>,
-}
-
-/// Vertices where they are needed, tetrahedra, and the shell's facets. `grading` as in [`super::VolumeSettings`].
+/// Makes the shell's facets facets of the tetrahedra of all `sites`, which are in `bulk`.
 pub(super) fn tessellate(
+    mut bulk: Bulk,
     shell: &Shell,
-    field: &Field,
-    input: &VolumeInput<'_>,
-    grading: f64,
-    progress: &mut dyn FnMut(VolumeStage, f64) -> ControlFlow<()>,
+    sites: &Sites,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Tessellation, VolumeError> {
-    let mut report = VolumeReport { shell_vertices: shell.mesh.vertices.len(), ..VolumeReport::default() };
-    if progress(VolumeStage::Sites, 0.0).is_break() {
-        return Err(VolumeError::Cancelled);
-    }
-    let sites = place(shell, field, input, grading, &mut report);
-    let mut bulk = triangulate(&sites.positions, &mut |done| progress(VolumeStage::Tetrahedra, done))?;
+    let mut report = VolumeReport {
+        shell_vertices: shell.mesh.vertices.len(),
+        bone_points: sites.segments.iter().map(Vec::len).sum(),
+        inner_points: sites.inner_points,
+        ..VolumeReport::default()
+    };
     let mut at = vec![0; sites.positions.len()];
-    // Of points at one place, which share a name or lose theirs, the first inserted is the corner.
+    // Of points at the same place, the first inserted is the corner.
     for (position, &name) in bulk.name.iter().enumerate().rev() {
         at[name as usize] = position as u32;
     }
@@ -67,17 +58,16 @@ pub(super) fn tessellate(
     let shell_at: Vec<Option<u32>> = sites.shell.iter().map(|site| site.map(vertex)).collect();
     let corner = |v: u32| shell_at[v as usize].unwrap_or(0);
     let triangles: Vec<[u32; 3]> = shell.mesh.triangles.iter().map(|t| t.map(corner)).collect();
-    let (mut constraints, constraint_of) = constrain(&triangles, &bulk.triangulation.points);
-    let before = bulk.triangulation.points.len();
+    let (mut constraints, constraint_of) = constrain(&triangles, bulk.triangulation.points());
+    let before = bulk.triangulation.points().len();
     let effort = Effort {
         most_points: POINTS_A_VERTEX * shell.mesh.vertices.len() + POINTS_AT_LEAST,
         cut_crossings: matches!(shell.places, Places::AreVertices),
     };
-    let mut told = |done| progress(VolumeStage::Recovery, done);
-    if recover(&mut bulk.triangulation, &mut constraints, effort, &mut told).is_break() {
+    if recover(&mut bulk.triangulation, &mut constraints, effort, progress).is_break() {
         return Err(VolumeError::Cancelled);
     }
-    report.shell_points_added = bulk.triangulation.points.len() - before;
+    report.shell_points_added = bulk.triangulation.points().len() - before;
     let elements = Elements::new(&bulk.triangulation, bulk.shift);
     count_facets(&constraints, &elements, &mut report);
     let segments = sites.segments.iter().map(|run| run.iter().map(|&s| vertex(s)).collect()).collect();
@@ -95,32 +85,7 @@ pub(super) fn tessellate(
     })
 }
 
-fn place(shell: &Shell, field: &Field, input: &VolumeInput<'_>, grading: f64, report: &mut VolumeReport) -> Sites {
-    let used = || shell.mesh.vertices.iter().zip(&shell.spacing).filter(|(_, spacing)| spacing.is_finite());
-    let mut sized: Vec<([f64; 3], f64)> = used().map(|(&p, &s)| (p, grading * s)).collect();
-    if !matches!(shell.places, Places::AreVertices) {
-        sized.extend(sites::bone_sizes(input.segments, sized.iter().map(|(_, size)| size / grading).collect()));
-    }
-    let (low, high) = shell.mesh.bounds().unwrap_or_default();
-    let octree = Octree::new(low, high, &sized);
-    let mut found = Sites { positions: Vec::new(), shell: Vec::new(), segments: Vec::new(), points: Vec::new() };
-    let mut add = |position: [f64; 3]| {
-        found.positions.push(position);
-        found.positions.len() as u32 - 1
-    };
-    found.shell = shell.mesh.vertices.iter().zip(&shell.spacing).map(|(&p, s)| s.is_finite().then(|| add(p))).collect();
-    for &segment in input.segments {
-        found.segments.push(sites::along(segment, &octree).into_iter().map(&mut add).collect());
-    }
-    found.points = input.points.iter().map(|&p| add(p)).collect();
-    report.bone_points = found.segments.iter().map(Vec::len).sum();
-    let inside = sites::inside(&octree, &field.surface, &field.winding, input.segments, input.points);
-    report.inner_points = inside.len();
-    found.positions.extend(inside);
-    found
-}
-
-/// One constraint for each set of triangles on the same corners, those without an area left out.
+/// One constraint for each set of triangles on the same corners, without those that have no area.
 fn constrain(triangles: &[[u32; 3]], points: &[[f64; 3]]) -> (Constraints, Vec<Option<u32>>) {
     let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(triangles.len());
     let mut unique = Vec::with_capacity(triangles.len());

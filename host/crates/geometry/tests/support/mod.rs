@@ -1,94 +1,32 @@
-//! Meshes for tests: made by formula, or read from the shared data folder by just enough of a reader.
+//! Meshes for tests: made by formula, or read from the shared data.
 #![allow(dead_code, reason = "each test file uses its own part of this module")]
 #![allow(clippy::unwrap_used, reason = "a test whose data cannot be read has to fail")]
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use armature_geometry::{TetrahedralMesh, TriangleMesh};
+use armature_test_support::shared;
 use glam::DVec3;
-
-/// Path of a file in the shared data folder beside the repository; `None`, said aloud, where it is absent.
-pub(crate) fn shared_data(name: &str) -> Option<PathBuf> {
-    let found = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .ancestors()
-        .map(|folder| folder.join("shared/data").join(name))
-        .find(|path| path.exists());
-    if found.is_none() {
-        println!("SKIPPED: shared/data/{name} is not there");
-        assert!(
-            std::env::var_os("ARMATURE_REQUIRE_SHARED_DATA").is_none(),
-            "shared/data/{name} is required but not there"
-        );
-    }
-    found
-}
 
 /// Vertices and triangles of a shared OBJ or OFF file.
 pub(crate) fn shared_triangles(name: &str) -> Option<TriangleMesh> {
-    let text = std::fs::read_to_string(shared_data(name)?).unwrap();
-    Some(read_triangles(name, &text))
+    shared(name).map(|path| read_triangles(&path))
 }
 
-/// Vertices and triangles of the text of an OBJ or OFF file; which one, its name says.
-pub(crate) fn read_triangles(name: &str, text: &str) -> TriangleMesh {
-    if name.contains(".off") { read_off(text) } else { read_obj(text) }
-}
-
-fn read_obj(text: &str) -> TriangleMesh {
-    let mut mesh = TriangleMesh::default();
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => mesh.vertices.push(floats(words)),
-            Some("f") => {
-                let corners: Vec<u32> =
-                    words.map(|w| w.split('/').next().unwrap().parse::<u32>().unwrap() - 1).collect();
-                mesh.triangles.extend((2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]]));
-            }
-            _ => {}
-        }
-    }
-    mesh
-}
-
-fn read_off(text: &str) -> TriangleMesh {
-    let mut words = text.split_whitespace().skip(1);
-    let counts: [usize; 3] = std::array::from_fn(|_| words.next().unwrap().parse().unwrap());
-    let vertices = (0..counts[0]).map(|_| floats(&mut words)).collect();
-    let mut triangle = || {
-        assert_eq!(words.next(), Some("3"));
-        std::array::from_fn(|_| words.next().unwrap().parse().unwrap())
-    };
-    let triangles = (0..counts[1]).map(|_| triangle()).collect();
-    TriangleMesh { vertices, triangles }
-}
-
-fn floats<'a>(mut words: impl Iterator<Item = &'a str>) -> [f64; 3] {
-    std::array::from_fn(|_| words.next().unwrap().parse().unwrap())
+/// Vertices and triangles of an OBJ or OFF file, depending on its extension.
+pub(crate) fn read_triangles(path: &Path) -> TriangleMesh {
+    let is_off = path.extension().is_some_and(|extension| extension == "off");
+    let read = if is_off { armature_test_support::read_off(path) } else { armature_test_support::read_obj(path) };
+    TriangleMesh { vertices: read.vertices, triangles: read.triangles }
 }
 
 /// Vertices and tetrahedra of a shared MESH file.
 pub(crate) fn shared_tetrahedra(name: &str) -> Option<TetrahedralMesh> {
-    let text = std::fs::read_to_string(shared_data(name)?).unwrap();
-    let mut lines = text.lines().map(str::trim);
-    let mut mesh = TetrahedralMesh::default();
-    while let Some(line) = lines.next() {
-        if line == "Vertices" {
-            let count: usize = lines.next().unwrap().parse().unwrap();
-            mesh.vertices = (0..count).map(|_| floats(lines.next().unwrap().split_whitespace())).collect();
-        } else if line == "Tetrahedra" {
-            let count: usize = lines.next().unwrap().parse().unwrap();
-            let mut corners = || {
-                let mut words = lines.next().unwrap().split_whitespace();
-                std::array::from_fn(|_| words.next().unwrap().parse::<u32>().unwrap() - 1)
-            };
-            mesh.tetrahedra = (0..count).map(|_| corners()).collect();
-        }
-    }
-    Some(mesh)
+    let read = armature_test_support::read_mesh(&shared(name)?);
+    Some(TetrahedralMesh { vertices: read.vertices, tetrahedra: read.tetrahedra })
 }
 
-/// A unit sphere: an icosahedron whose triangles are cut in four, again and again.
+/// A unit sphere: an icosahedron whose triangles are repeatedly cut in four.
 pub(crate) fn sphere(cuts: usize) -> TriangleMesh {
     let golden = f64::midpoint(1.0, 5.0_f64.sqrt());
     let mut vertices = Vec::new();
@@ -132,6 +70,62 @@ fn cut_in_four(mesh: &TriangleMesh) -> TriangleMesh {
         triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
     }
     TriangleMesh { vertices, triangles }
+}
+
+/// A sphere of 2·`around`·(`rings` - 1) triangles along meridians, whose radius varies from vertex to vertex, normally
+/// distributed around 1 with this deviation.
+pub(crate) fn rough_sphere(rings: u32, around: u32, deviation: f64) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    let mut noise = noise();
+    let mut add = |place: DVec3| {
+        let [share, turn] = [0.5 + 0.5 * noise(), std::f64::consts::PI * noise()];
+        let normal = (-2.0 * share.max(1e-12).ln()).sqrt() * turn.cos();
+        mesh.vertices.push((place * (1.0 + deviation * normal)).to_array());
+    };
+    add(DVec3::Y);
+    for ring in 1..rings {
+        let polar = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
+        for k in 0..around {
+            let angle = std::f64::consts::TAU * f64::from(k) / f64::from(around);
+            add(DVec3::new(polar.sin() * angle.cos(), polar.cos(), -polar.sin() * angle.sin()));
+        }
+    }
+    add(-DVec3::Y);
+    let at = |ring: u32, k: u32| 1 + (ring - 1) * around + k % around;
+    let last = mesh.vertices.len() as u32 - 1;
+    for k in 0..around {
+        mesh.triangles.push([0, at(1, k), at(1, k + 1)]);
+        for ring in 1..rings - 1 {
+            let [a, b, c, d] = [at(ring, k), at(ring + 1, k), at(ring + 1, k + 1), at(ring, k + 1)];
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        mesh.triangles.push([at(rings - 1, k), last, at(rings - 1, k + 1)]);
+    }
+    mesh
+}
+
+/// A closed tube of `rings` rings of `sides` vertices around +Y, 2 long and 0.25 thick, with a spike: one vertex of the
+/// middle ring is far away along +X.
+pub(crate) fn spiked_tube(rings: u32, sides: u32, spike: f64) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    for (ring, side) in (0..rings).flat_map(|ring| (0..sides).map(move |side| (ring, side))) {
+        let angle = std::f64::consts::TAU * f64::from(side) / f64::from(sides);
+        let height = 2.0 * f64::from(ring) / f64::from(rings - 1);
+        mesh.vertices.push([0.25 * angle.sin(), height, 0.25 * angle.cos()]);
+    }
+    mesh.vertices.extend([[0.0; 3], [0.0, 2.0, 0.0]]);
+    let at = |ring: u32, side: u32| ring * sides + side % sides;
+    let (bottom, top) = (rings * sides, rings * sides + 1);
+    for side in 0..sides {
+        for ring in 0..rings - 1 {
+            let [a, b, c, d] = [at(ring, side), at(ring, side + 1), at(ring + 1, side + 1), at(ring + 1, side)];
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        mesh.triangles.push([bottom, at(0, side + 1), at(0, side)]);
+        mesh.triangles.push([top, at(rings - 1, side), at(rings - 1, side + 1)]);
+    }
+    mesh.vertices[at(rings / 2, sides / 4) as usize][0] = spike;
+    mesh
 }
 
 /// The unit cube as `n`³ cells of six tetrahedra around a diagonal each (thesis figure 2.4, left), inner vertices

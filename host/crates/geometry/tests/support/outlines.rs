@@ -1,4 +1,4 @@
-//! Curves in the plane for tests: made by formula, closed and open ones, strewn segments.
+//! Curves in the plane for tests: made by formula, closed and open, and scattered segments.
 #![allow(dead_code, reason = "each test file uses its own part of this module")]
 
 use std::f64::consts::TAU;
@@ -73,7 +73,7 @@ pub(crate) fn all(count: u32) -> Vec<(&'static str, Outline)> {
     ]
 }
 
-/// Points all over the box from -2 to 2, and as many within a hundredth of the curve.
+/// Points throughout the box from -2 to 2, and as many within a hundredth of the curve.
 pub(crate) fn points_around(vertices: &[[f64; 2]], segments: &[[u32; 2]], count: usize) -> Vec<[f64; 2]> {
     let mut noise = noise();
     let mut points: Vec<[f64; 2]> = (0..count / 2).map(|_| [2.0 * noise(), 2.0 * noise()]).collect();

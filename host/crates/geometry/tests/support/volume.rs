@@ -1,15 +1,18 @@
-//! Volumes for tests: Delaunay tetrahedra of a surface's vertices and a lattice inside, as far as they lie inside.
+//! Volumes for tests: Delaunay tetrahedra of a surface's vertices and an interior lattice, restricted to those inside.
 #![allow(dead_code, reason = "each test file uses its own part of this module")]
 #![allow(clippy::unwrap_used, reason = "a test whose data cannot be read has to fail")]
 
 use std::ops::ControlFlow;
 
-use armature_geometry::{FastWindingNumber, TetrahedralMesh, TriangleHierarchy, TriangleMesh, delaunay_tetrahedra};
+use armature_geometry::delaunay::delaunay_tetrahedra;
+use armature_geometry::search::TriangleHierarchy;
+use armature_geometry::winding::FastWindingNumber;
+use armature_geometry::{TetrahedralMesh, TriangleMesh};
 use glam::DVec3;
 
 use crate::support::noise;
 
-/// About `interior` points of a jittered lattice, not too near to the surface, go inside.
+/// About `interior` points of a jittered lattice, not too close to the surface, are added inside.
 pub(crate) fn volume_of(surface: &TriangleMesh, interior: usize) -> TetrahedralMesh {
     let at = |v: u32| DVec3::from(surface.vertices[v as usize]);
     let triangles = || surface.triangles.iter().map(|t| t.map(at));
@@ -39,7 +42,7 @@ pub(crate) fn volume_of(surface: &TriangleMesh, interior: usize) -> TetrahedralM
 
 /// The Delaunay tetrahedra of points whose barycentre has a winding number above one half.
 pub(crate) fn inside(points: Vec<[f64; 3]>, winding: &FastWindingNumber) -> TetrahedralMesh {
-    let all = delaunay_tetrahedra(&points, &mut |_| ControlFlow::Continue(())).unwrap().tetrahedra;
+    let all = delaunay_tetrahedra(&points, &mut |_, _| ControlFlow::Continue(())).unwrap().tetrahedra;
     let barycentre =
         |t: &[u32; 4]| (t.iter().map(|&v| DVec3::from(points[v as usize])).sum::<DVec3>() * 0.25).to_array();
     let barycentres: Vec<[f64; 3]> = all.iter().map(barycentre).collect();

@@ -4,16 +4,17 @@ use glam::{Vec2, Vec3, Vec4Swizzles as _};
 
 use super::sampling::{TextureSampler, mix, saturate};
 use crate::MeshView;
-use crate::uniforms::{Uniforms, linear_from_srgb};
+use crate::srgb::linear_from_srgb;
+use crate::uniforms::Uniforms;
 
-/// What the vertex stage hands to the fragment stage, interpolated.
+/// What the vertex stage passes to the fragment stage, interpolated.
 pub(crate) struct Surface {
     world: Vec3,
     normal: Vec3,
     uv: Vec2,
     color: Vec3,
     highlight: f32,
-    /// Square to the triangle, towards the eye; of any length.
+    /// Perpendicular to the triangle, towards the eye; of any length.
     seen_side: Vec3,
 }
 
@@ -35,10 +36,17 @@ pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, front: bool, weights: 
     }
 }
 
-/// Linear light that leaves the surface towards the eye.
-pub(crate) fn fragment(u: &Uniforms, texture: &TextureSampler, surface: &Surface) -> Vec3 {
-    let texel = texture.sample(surface.uv);
-    let base = mix(u.base_color.xyz() * surface.color * texel, u.highlight.xyz(), saturate(surface.highlight) * 0.75);
+/// The material that a part is drawn with.
+pub(crate) struct Paint<'a> {
+    /// Linear light.
+    pub(crate) base_color: Vec3,
+    pub(crate) texture: TextureSampler<'a>,
+}
+
+/// Linear light reflected by the surface towards the eye.
+pub(crate) fn fragment(u: &Uniforms, paint: &Paint, surface: &Surface) -> Vec3 {
+    let texel = paint.texture.sample(surface.uv);
+    let base = mix(paint.base_color * surface.color * texel, u.highlight.xyz(), saturate(surface.highlight) * 0.75);
     let to_eye = (u.eye.xyz() - surface.world).normalize_or_zero();
     let shading = surface.normal.normalize_or_zero();
     let normal = if shading.dot(surface.seen_side) >= 0.0 { shading } else { -shading };

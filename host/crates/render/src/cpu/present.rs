@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
-/// A pixel's bytes; `pixel` is its middle, from the upper left.
+/// A pixel's bytes; `pixel` is its centre, from the upper left.
 pub(crate) fn fragment(light: Vec3, pixel: [f32; 2]) -> [u8; 3] {
     let noise = dither(pixel);
     light.to_array().map(|l| {
-        // A float cast rounds towards zero and takes what is no number to zero.
+        // A float cast rounds towards zero and turns NaN into zero.
         ((srgb_from_linear(shoulder(l)) + noise).clamp(0.0, 1.0) * 255.0 + 0.5) as u8
     })
 }
@@ -27,7 +27,7 @@ fn dither([x, y]: [f32; 2]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::uniforms::linear_from_srgb;
+    use crate::srgb::linear_from_srgb;
 
     #[test]
     fn colours_below_the_shoulder_come_back() {

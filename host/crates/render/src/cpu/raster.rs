@@ -6,12 +6,12 @@ use crate::MeshView;
 use crate::bone_shape::OverlayVertex;
 use crate::uniforms::Uniforms;
 
-/// A triangle on the screen, ready to be asked what it covers.
+/// A triangle on the screen, ready for coverage queries.
 #[derive(Clone, Debug)]
 pub(crate) struct ScreenTriangle {
     /// Index of the triangle it was cut from.
     pub(crate) source: u32,
-    /// Whether its front side is seen.
+    /// Whether its front side is visible.
     pub(crate) front: bool,
     /// `edges[i]`·(x, y, 1) is the barycentric coordinate of corner i, in pixels from the upper left.
     edges: [[f64; 3]; 3],
@@ -33,7 +33,7 @@ impl ScreenTriangle {
         (inside(0) && inside(1) && inside(2)).then_some(at)
     }
 
-    /// Barycentric coordinates of any point, outside too.
+    /// Barycentric coordinates of any point, inside or outside.
     pub(crate) fn coordinates(&self, x: f64, y: f64) -> [f64; 3] {
         self.edges.map(|[a, b, c]| a * x + b * y + c)
     }
@@ -57,12 +57,20 @@ struct Corner {
     weights: Vec3,
 }
 
-/// Both sides of every triangle of the skin.
-pub(crate) fn project_mesh(mesh: &MeshView, uniforms: &Uniforms, size: [u32; 2]) -> Vec<ScreenTriangle> {
+/// A triangle that belongs to no part.
+pub(crate) const UNPAINTED: u32 = u32::MAX;
+
+/// Both sides of every triangle of the skin that is drawn.
+pub(crate) fn project_mesh(
+    mesh: &MeshView,
+    paint_of: &[u32],
+    uniforms: &Uniforms,
+    size: [u32; 2],
+) -> Vec<ScreenTriangle> {
     let clip: Vec<Vec4> =
         mesh.positions.iter().map(|&p| uniforms.clip_from_world * Vec3::from(p).extend(1.0)).collect();
     let mut out = Vec::with_capacity(mesh.triangles.len());
-    for (source, corners) in mesh.triangles.iter().enumerate() {
+    for (source, corners) in mesh.triangles.iter().enumerate().filter(|(source, _)| paint_of[*source] != UNPAINTED) {
         project(source as u32, corners.map(|c| clip[c as usize]), size, false, &mut out);
     }
     out
@@ -90,7 +98,7 @@ fn project(source: u32, clip: [Vec4; 3], size: [u32; 2], front_only: bool, out: 
     }
 }
 
-/// Cuts off what is before the near plane (z < 0 in clip space); 0, 3 or 4 corners remain.
+/// Clips what is in front of the near plane (z < 0 in clip space); 0, 3 or 4 corners remain.
 fn clip_near(corners: [Corner; 3]) -> ([Corner; 4], usize) {
     let mut polygon = [corners[0]; 4];
     let mut count = 0;
@@ -120,12 +128,12 @@ fn screen_triangle(source: u32, corners: [Corner; 3], size: [u32; 2], front_only
     let place = |c: &Corner| {
         let x = f64::from(c.clip.x) / f64::from(c.clip.w) * 0.5 + 0.5;
         let y = 0.5 - f64::from(c.clip.y) / f64::from(c.clip.w) * 0.5;
-        // Graphics hardware rounds corners to 1/256 of a pixel; so do we, to cover the same samples.
+        // Graphics hardware rounds corners to 1/256 of a pixel; so does this, to cover the same samples.
         (DVec2::new(x * f64::from(size[0]), y * f64::from(size[1])) * 256.0).round() / 256.0
     };
     let twice_area = |[a, b, c]: [DVec2; 3]| (b - a).perp_dot(c - a);
     let mut points = [place(&corners[0]), place(&corners[1]), place(&corners[2])];
-    // Counter-clockwise in the world is clockwise here, where y runs down: a negative area.
+    // Counter-clockwise in the world is clockwise here, since y runs down: a negative area.
     let mut area = twice_area(points);
     let front = area < 0.0;
     if front {

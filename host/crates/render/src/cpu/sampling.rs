@@ -1,10 +1,10 @@
-//! What a graphics chip does for a shader: textures and the functions of WGSL.
+//! What a graphics chip provides to shaders: textures and the functions of WGSL.
 
 use glam::{Vec2, Vec3};
 
-use crate::MeshView;
+use crate::Picture;
 use crate::contact_shadow::{ContactShadow, SHADOW_SIDE};
-use crate::uniforms::linear_from_srgb;
+use crate::srgb::linear_from_srgb;
 
 pub(crate) fn saturate(value: f32) -> f32 {
     value.clamp(0.0, 1.0)
@@ -30,18 +30,22 @@ pub(crate) fn shadow_at(shadow: &ContactShadow, texel: Vec2) -> f32 {
     row(0) * (1.0 - share.y) + row(1) * share.y
 }
 
-/// A base colour texture: bilinear, repeating, filtered in linear light.
-pub(crate) struct TextureSampler<'a> {
-    texture: Option<crate::TextureView<'a>>,
-    linear: [f32; 256],
+/// The linear light of each byte of an sRGB texture.
+pub(crate) struct LinearBytes([f32; 256]);
+
+impl LinearBytes {
+    pub(crate) fn new() -> Self {
+        Self(std::array::from_fn(|byte| linear_from_srgb(byte as f32 / 255.0)))
+    }
 }
 
-impl<'a> TextureSampler<'a> {
-    pub(crate) fn new(mesh: &MeshView<'a>) -> Self {
-        let texture = mesh.texture.filter(|_| mesh.uv.is_some());
-        Self { texture, linear: std::array::from_fn(|byte| linear_from_srgb(byte as f32 / 255.0)) }
-    }
+/// A base colour texture: bilinear, repeating, filtered in linear light. White without a texture.
+pub(crate) struct TextureSampler<'a> {
+    pub(crate) texture: Option<&'a Picture>,
+    pub(crate) linear: &'a LinearBytes,
+}
 
+impl TextureSampler<'_> {
     pub(crate) fn sample(&self, uv: Vec2) -> Vec3 {
         let Some(texture) = &self.texture else { return Vec3::ONE };
         let (width, height) = (i64::from(texture.width), i64::from(texture.height));
@@ -49,7 +53,7 @@ impl<'a> TextureSampler<'a> {
         let at = |dx: i64, dy: i64| {
             let (x, y) = ((low[0] + dx).rem_euclid(width), (low[1] + dy).rem_euclid(height));
             let start = ((y * width + x) * 4) as usize;
-            Vec3::from([0, 1, 2].map(|channel| self.linear[usize::from(texture.rgba[start + channel])]))
+            Vec3::from([0, 1, 2].map(|channel| self.linear.0[usize::from(texture.rgba[start + channel])]))
         };
         let row = |dy: i64| mix(at(0, dy), at(1, dy), share.x);
         mix(row(0), row(1), share.y)
@@ -59,7 +63,7 @@ impl<'a> TextureSampler<'a> {
 /// Whole and fractional part.
 fn split(place: Vec2) -> ([i64; 2], Vec2) {
     let floor = place.floor();
-    // Far outside of what an index can hold it does not matter which texel is taken.
+    // Far beyond the range of an index, it does not matter which texel is used.
     let index = |value: f32| value.clamp(-1e9, 1e9) as i64;
     ([index(floor.x), index(floor.y)], place - floor)
 }
@@ -67,14 +71,10 @@ fn split(place: Vec2) -> ([i64; 2], Vec2) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::TextureView;
-
     #[test]
     fn texture_repeats_and_survives_nonsense() {
-        let uv = [[0.0; 2]];
-        let rgba = [255, 0, 0, 255, 0, 255, 0, 255];
-        let texture = Some(TextureView { width: 2, height: 1, rgba: &rgba });
-        let sampler = TextureSampler::new(&MeshView { uv: Some(&uv), texture, ..MeshView::default() });
+        let picture = Picture { width: 2, height: 1, rgba: vec![255, 0, 0, 255, 0, 255, 0, 255] };
+        let sampler = TextureSampler { texture: Some(&picture), linear: &LinearBytes::new() };
         assert_eq!(sampler.sample(Vec2::new(0.25, 0.5)), Vec3::X);
         assert_eq!(sampler.sample(Vec2::new(-0.25, 7.5)), Vec3::Y);
         assert_eq!(sampler.sample(Vec2::new(0.5, 0.5)), Vec3::new(0.5, 0.5, 0.0));

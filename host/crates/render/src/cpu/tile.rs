@@ -1,9 +1,8 @@
-//! The picture in squares: which triangles touch one, what is seen in it, and its pixels.
+//! The picture in tiles: which triangles touch one, what is visible in it, and its pixels.
 
 use glam::{DVec2, Vec3};
 
 use super::raster::ScreenTriangle;
-use super::sampling::TextureSampler;
 use super::{background, mesh, overlay, present};
 use crate::bone_shape::OverlayVertex;
 use crate::contact_shadow::ContactShadow;
@@ -13,15 +12,18 @@ use crate::{MeshView, Samples};
 const TILE: usize = 64;
 const NOTHING: u32 = u32::MAX;
 
-/// Where the samples lie in a pixel; four as Vulkan and Direct3D have them.
+/// Where the samples are in a pixel; four as in Vulkan and Direct3D.
 const ONE: [[f64; 2]; 1] = [[0.5, 0.5]];
 const FOUR: [[f64; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
 
-/// All that a tile needs.
+/// Everything a tile needs.
 pub(crate) struct Frame<'a> {
     pub(crate) uniforms: &'a Uniforms,
     pub(crate) shadow: &'a ContactShadow,
     pub(crate) mesh: MeshView<'a>,
+    /// For each triangle of the mesh, its index in `paints`, or `UNPAINTED`.
+    pub(crate) paint_of: &'a [u32],
+    pub(crate) paints: &'a [mesh::Paint<'a>],
     pub(crate) skin: Vec<ScreenTriangle>,
     pub(crate) bones: Vec<ScreenTriangle>,
     pub(crate) overlay: &'a [OverlayVertex],
@@ -59,7 +61,7 @@ impl Area {
         self.width() * (self.y[1] - self.y[0])
     }
 
-    /// The part that a triangle may touch; possibly empty.
+    /// The area that a triangle may touch; possibly empty.
     fn touched(&self, [low, high]: [DVec2; 2]) -> Self {
         let clamp = |value: f64, range: [usize; 2]| value.clamp(range[0] as f64, range[1] as f64) as usize;
         Self {
@@ -93,7 +95,7 @@ pub(crate) fn bin(frame: &Frame) -> Vec<Bin> {
     bins
 }
 
-/// Puts tiles together.
+/// Assembles the tiles.
 pub(crate) fn assemble(tiles: &[Vec<[u8; 4]>], size: [u32; 2]) -> Vec<u8> {
     let width = size[0] as usize;
     let mut rgba = vec![0_u8; width * size[1] as usize * 4];
@@ -150,9 +152,8 @@ impl Frame<'_> {
         seen
     }
 
-    /// The light at every sample; a triangle is shaded once a pixel, at the pixel's middle, as with multisampling.
+    /// The light at every sample; a triangle is shaded once per pixel, at the pixel's centre, as with multisampling.
     fn shade<const S: usize>(&self, area: Area, seen: &[[u32; S]]) -> Vec<[Vec3; S]> {
-        let texture = TextureSampler::new(&self.mesh);
         let mut light = Vec::with_capacity(seen.len());
         for (pixel, samples) in seen.iter().enumerate() {
             let x = (area.x[0] + pixel % area.width()) as f32 + 0.5;
@@ -167,7 +168,8 @@ impl Frame<'_> {
                         let triangle = &self.skin[index as usize];
                         let weights = triangle.source_weights(triangle.coordinates(f64::from(x), f64::from(y)));
                         let surface = mesh::interpolate(&self.mesh, triangle.source, triangle.front, weights);
-                        mesh::fragment(self.uniforms, &texture, &surface)
+                        let paint = self.paint_of[triangle.source as usize] as usize;
+                        mesh::fragment(self.uniforms, &self.paints[paint], &surface)
                     }
                 };
             }
@@ -179,7 +181,7 @@ impl Frame<'_> {
     fn draw_bones<const S: usize>(&self, area: Area, bin: &Bin, samples: &[[f64; 2]; S], light: &mut [[Vec3; S]]) {
         for &index in &bin.bones {
             let triangle = &self.bones[index as usize];
-            // Flat: the first corner's colour counts.
+            // Flat: the first corner's colour is used.
             let color = overlay::vertex(self.uniforms, &self.overlay[triangle.source as usize * 3]);
             for_samples(triangle, area, samples, |pixel, sample, _| {
                 let below = &mut light[pixel][sample];

@@ -1,6 +1,6 @@
 //! Buffers that grow and never shrink, so that an ordinary frame allocates nothing.
 
-/// A buffer with room to spare.
+/// A buffer with spare capacity.
 #[derive(Debug)]
 pub(crate) struct GrowingBuffer {
     buffer: wgpu::Buffer,
@@ -14,7 +14,7 @@ impl GrowingBuffer {
         Self { buffer: create(device, label, usage, 1024), usage, label }
     }
 
-    /// Makes room for so many bytes; new room is zero.
+    /// Grows to this many bytes; new bytes are zero.
     pub(crate) fn reserve(&mut self, device: &wgpu::Device, bytes: u64) {
         if self.buffer.size() < bytes {
             let size = (bytes + bytes / 4).next_multiple_of(1024);

@@ -1,6 +1,7 @@
 //! Drawing and skinning with wgpu: the adapter, the renderer, pictures without a window, and skinned poses.
 
 mod buffers;
+mod materials;
 mod offscreen;
 mod pipelines;
 mod renderer;
@@ -14,7 +15,7 @@ use std::time::Duration;
 
 use crate::{RenderError, Samples};
 
-/// A software adapter under load may need a while for a large picture; a hung driver never answers.
+/// A software adapter under load may take a while for a large picture; a hung driver never answers.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 /// An adapter, opened for drawing without a window.
@@ -27,7 +28,7 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the best adapter of this machine; a software one counts. Never panics where there is none.
+    /// Opens this machine's best adapter; a software one counts. Never panics if there is none.
     pub fn request() -> Result<Self, RenderError> {
         pollster::block_on(async {
             let adapter = request_adapter().await?;
@@ -46,7 +47,7 @@ impl Gpu {
         })
     }
 
-    /// For people: "AMD Radeon 780M (Vulkan)", "llvmpipe (LLVM 15.0.6, 256 bits) (Vulkan, software)".
+    /// For display: "AMD Radeon 780M (Vulkan)", "llvmpipe (LLVM 15.0.6, 256 bits) (Vulkan, software)".
     pub fn label(&self) -> String {
         adapter_label(&self.info)
     }
@@ -56,7 +57,7 @@ impl Gpu {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
-    /// Does something with the device; what the device says against it is an error.
+    /// Runs something on the device; anything the device reports against it is an error.
     fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, RenderError> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -69,20 +70,20 @@ impl Gpu {
         Ok(done)
     }
 
-    /// Waits until everything asked for is done.
+    /// Waits until everything submitted is done.
     pub fn wait(&self) -> Result<(), RenderError> {
         let all = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
         self.device.poll(all).map(|_| ()).map_err(|error| RenderError::Device { detail: error.to_string() })
     }
 
-    /// The smoothest edges this adapter can draw.
+    /// The best antialiasing this adapter supports.
     pub fn best_samples(&self) -> Samples {
         self.samples
     }
 }
 
-/// OpenGL is asked only where there is nothing else: its libraries talk to displays and complain on standard error
-/// where there is none.
+/// OpenGL is tried only if there is nothing else: its libraries connect to displays, and complain on standard error if
+/// there is none.
 async fn request_adapter() -> Result<wgpu::Adapter, RenderError> {
     let chosen = wgpu::Backends::from_env();
     let attempts = chosen.map_or(vec![wgpu::Backends::PRIMARY, wgpu::Backends::GL], |backends| vec![backends]);
@@ -102,7 +103,7 @@ async fn request_adapter() -> Result<wgpu::Adapter, RenderError> {
     Err(RenderError::NoAdapter { detail })
 }
 
-/// Name of an adapter for people.
+/// Name of an adapter, for display.
 pub fn adapter_label(info: &wgpu::AdapterInfo) -> String {
     let backend = match info.backend {
         wgpu::Backend::Noop => "no backend",

@@ -37,7 +37,7 @@ fn draw(
 ) -> Result<(wgpu::Buffer, u32), RenderError> {
     let Gpu { device, queue, .. } = gpu;
     let format = TextureFormat::Rgba8Unorm;
-    let mut renderer = Renderer::new(device, queue, format, samples);
+    let mut renderer = Renderer::new(device, format, samples);
     let target =
         texture_2d(device, "picture", size, 1, format, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC);
     let view = target.create_view(&wgpu::TextureViewDescriptor::default());
@@ -82,13 +82,13 @@ pub(super) fn read_buffer<T>(
     let failed = |detail: String| RenderError::Device { detail };
     let (sender, receiver) = mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-        // The receiver is gone only if this function has given up already.
+        // The receiver is gone only if this function has already given up.
         let _ = sender.send(result);
     });
     gpu.wait()?;
     receiver
         .try_recv()
-        .map_err(|_| failed("what it computes was never finished".into()))?
+        .map_err(|_| failed("its computation never finished".into()))?
         .map_err(|error| failed(error.to_string()))?;
     let mapped = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
     Ok(take(&mapped))

@@ -1,4 +1,4 @@
-//! Shaders, bind group layouts and pipelines; made once.
+//! Shaders, bind group layouts and pipelines; created once.
 
 use wgpu::{
     BindGroupLayout, BindingType, BlendState, BufferBindingType, CompareFunction, RenderPipeline, ShaderStages,
@@ -12,11 +12,12 @@ pub(crate) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
 const COMMON: &str = include_str!("../../shader/common.wgsl");
 
-/// Everything that does not depend on scene or size.
+/// Everything independent of scene and size.
 #[derive(Debug)]
 pub(crate) struct Pipelines {
     pub(crate) frame_layout: BindGroupLayout,
     pub(crate) texture_layout: BindGroupLayout,
+    pub(crate) material_layout: BindGroupLayout,
     pub(crate) background: RenderPipeline,
     pub(crate) mesh: RenderPipeline,
     pub(crate) overlay: RenderPipeline,
@@ -27,6 +28,7 @@ impl Pipelines {
     pub(crate) fn new(device: &wgpu::Device, present_format: TextureFormat, samples: u32) -> Self {
         let frame_layout = layout(device, "frame", &[uniform_entry(0), texture_entry(1), sampler_entry(2)]);
         let texture_layout = layout(device, "texture", &[texture_entry(0), sampler_entry(1)]);
+        let material_layout = layout(device, "material", &[texture_entry(0), sampler_entry(1), uniform_entry(2)]);
         let scene_stage = |label, source: &str, buffers, layouts: &[&BindGroupLayout], depth, blend, cull_mode| {
             let source = format!("{COMMON}\n{source}");
             let format = LIGHT_FORMAT;
@@ -46,7 +48,7 @@ impl Pipelines {
             "mesh",
             include_str!("../../shader/mesh.wgsl"),
             &MESH_BUFFERS,
-            &[&frame_layout, &texture_layout],
+            &[&frame_layout, &material_layout],
             Some((true, CompareFunction::Less)),
             None,
             None,
@@ -72,7 +74,7 @@ impl Pipelines {
             samples: 1,
         }
         .build(device, &[&texture_layout]);
-        Self { frame_layout, texture_layout, background, mesh, overlay, present }
+        Self { frame_layout, texture_layout, material_layout, background, mesh, overlay, present }
     }
 }
 

@@ -1,18 +1,19 @@
 //! The renderer that lives as long as a window: precompute, prepare, paint.
 
 use bytemuck::cast_slice;
-use wgpu::util::DeviceExt as _;
 use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
 use super::buffers::GrowingBuffer;
+use super::materials::Materials;
 use super::pipelines::{DEPTH_FORMAT, LIGHT_FORMAT, Pipelines};
 use crate::bone_shape::{OverlayVertex, bone_triangles};
 use crate::contact_shadow::{ContactShadow, SHADOW_SIDE};
 use crate::picture::check_size;
-use crate::uniforms::{Uniforms, linear_from_srgb};
+use crate::srgb::linear_from_srgb;
+use crate::uniforms::Uniforms;
 use crate::{Camera, MeshView, RenderError, Samples, Scene};
 
-/// Draws scenes into a texture of its own ([`Renderer::prepare`]) and that onto the screen ([`Renderer::paint`]).
+/// Draws scenes into its own texture ([`Renderer::prepare`]) and that onto the screen ([`Renderer::paint`]).
 ///
 /// Buffers grow with the largest scene seen; a frame of the same size allocates nothing on the GPU.
 #[derive(Debug)]
@@ -24,7 +25,7 @@ pub struct Renderer {
     shadow_texture: wgpu::Texture,
     smooth_sampler: wgpu::Sampler,
     repeating_sampler: wgpu::Sampler,
-    texture_group: wgpu::BindGroup,
+    materials: Materials,
     positions: GrowingBuffer,
     normals: GrowingBuffer,
     uv: GrowingBuffer,
@@ -32,21 +33,20 @@ pub struct Renderer {
     highlight: GrowingBuffer,
     highlight_is_zero: bool,
     indices: GrowingBuffer,
-    index_count: u32,
     overlay: GrowingBuffer,
     overlay_count: u32,
     overlay_scratch: Vec<OverlayVertex>,
     shadow: ContactShadow,
-    /// Revision, vertices and triangles of the mesh whose topology is on the GPU.
-    uploaded: Option<(u64, usize, usize)>,
+    /// Revision, vertices, triangles, parts and materials of the mesh whose topology is on the GPU.
+    uploaded: Option<(u64, [usize; 4])>,
     targets: Option<Targets>,
 }
 
-/// What depends on the size of the picture.
+/// Everything that depends on the size of the picture.
 #[derive(Debug)]
 struct Targets {
     size: [u32; 2],
-    /// The texture that is drawn into, where it is not `resolved` itself.
+    /// The texture that is drawn into, if that is not `resolved` itself.
     multisampled: Option<wgpu::TextureView>,
     resolved: wgpu::TextureView,
     depth: wgpu::TextureView,
@@ -55,7 +55,7 @@ struct Targets {
 
 impl Renderer {
     /// Compiles the shaders; `present_format` is that of the pass given to [`Renderer::paint`].
-    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, present_format: TextureFormat, samples: Samples) -> Self {
+    pub fn new(device: &wgpu::Device, present_format: TextureFormat, samples: Samples) -> Self {
         let pipelines = Pipelines::new(device, present_format, samples.count());
         let uniforms = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("uniforms"),
@@ -84,8 +84,6 @@ impl Renderer {
                 wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&smooth_sampler) },
             ],
         });
-        let white = upload_texture(device, queue, [1; 2], &[255; 4]);
-        let texture_group = texture_group(device, &pipelines.texture_layout, &white, &repeating_sampler);
         let vertex = |label| GrowingBuffer::new(device, label, BufferUsages::VERTEX);
         Self {
             samples: samples.count(),
@@ -94,7 +92,7 @@ impl Renderer {
             shadow_texture,
             smooth_sampler,
             repeating_sampler,
-            texture_group,
+            materials: Materials::default(),
             positions: vertex("positions"),
             normals: vertex("normals"),
             uv: vertex("texture coordinates"),
@@ -102,7 +100,6 @@ impl Renderer {
             highlight: vertex("highlight"),
             highlight_is_zero: true,
             indices: GrowingBuffer::new(device, "indices", BufferUsages::INDEX),
-            index_count: 0,
             overlay: vertex("overlay"),
             overlay_count: 0,
             overlay_scratch: Vec::new(),
@@ -126,6 +123,7 @@ impl Renderer {
         let limit = device.limits().max_texture_dimension_2d;
         check_size(size, limit)?;
         self.upload_mesh(device, queue, &scene.mesh, limit)?;
+        self.materials.write_colors(queue, &scene.mesh, &scene.look);
         self.shadow.update(&scene.mesh, &scene.ground);
         write_texture(queue, &self.shadow_texture, [SHADOW_SIDE as u32; 2], 1, &self.shadow.texels);
         let uniforms = Uniforms::new(scene, camera, &self.shadow, size);
@@ -160,7 +158,8 @@ impl Renderer {
         limit: u32,
     ) -> Result<(), RenderError> {
         mesh.validate_lengths()?;
-        let version = (mesh.revision, mesh.positions.len(), mesh.triangles.len());
+        let MeshView { positions, triangles, parts, materials, .. } = mesh;
+        let version = (mesh.revision, [positions.len(), triangles.len(), parts.len(), materials.len()]);
         if self.uploaded != Some(version) {
             mesh.validate_topology(limit)?;
             self.upload_topology(device, queue, mesh);
@@ -179,7 +178,6 @@ impl Renderer {
 
     fn upload_topology(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, mesh: &MeshView) {
         self.indices.write(device, queue, cast_slice(mesh.triangles));
-        self.index_count = (mesh.triangles.len() * 3) as u32;
         match mesh.uv {
             Some(uv) => self.uv.write(device, queue, cast_slice(uv)),
             None => self.uv.reserve(device, mesh.positions.len() as u64 * 8),
@@ -192,11 +190,8 @@ impl Renderer {
         self.colors.write(device, queue, cast_slice(&colors));
         self.highlight.write(device, queue, &vec![0; mesh.positions.len() * 4]);
         self.highlight_is_zero = true;
-        let texture = match mesh.texture.filter(|_| mesh.uv.is_some()) {
-            Some(texture) => upload_texture(device, queue, [texture.width, texture.height], texture.rgba),
-            None => upload_texture(device, queue, [1; 2], &[255; 4]),
-        };
-        self.texture_group = texture_group(device, &self.pipelines.texture_layout, &texture, &self.repeating_sampler);
+        let layout = &self.pipelines.material_layout;
+        self.materials.upload(device, queue, layout, &self.repeating_sampler, mesh);
     }
 
     fn make_targets(&self, device: &wgpu::Device, size: [u32; 2]) -> Targets {
@@ -242,17 +237,16 @@ impl Renderer {
             multiview_mask: None,
         });
         pass.set_bind_group(0, &self.frame_group, &[]);
-        if self.index_count > 0 {
+        if self.materials.has_triangles() {
             pass.set_pipeline(&self.pipelines.mesh);
-            pass.set_bind_group(1, &self.texture_group, &[]);
             let columns = [&self.positions, &self.normals, &self.uv, &self.highlight, &self.colors];
             for (slot, buffer) in columns.into_iter().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice());
             }
             pass.set_index_buffer(self.indices.slice(), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..self.index_count, 0, 0..1);
+            self.materials.draw(&mut pass);
         }
-        // After the character, so that only what is seen of it is computed.
+        // After the character, so that only its visible part is computed.
         pass.set_pipeline(&self.pipelines.background);
         pass.draw(0..3, 0..1);
         if self.overlay_count > 0 {
@@ -293,20 +287,6 @@ fn sampler(device: &wgpu::Device, address_mode: wgpu::AddressMode) -> wgpu::Samp
     })
 }
 
-fn upload_texture(device: &wgpu::Device, queue: &wgpu::Queue, [width, height]: [u32; 2], rgba: &[u8]) -> wgpu::Texture {
-    let descriptor = wgpu::TextureDescriptor {
-        label: Some("base colour"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: TextureFormat::Rgba8UnormSrgb,
-        usage: TextureUsages::TEXTURE_BINDING,
-        view_formats: &[],
-    };
-    device.create_texture_with_data(queue, &descriptor, wgpu::util::TextureDataOrder::LayerMajor, rgba)
-}
-
 fn write_texture(
     queue: &wgpu::Queue,
     texture: &wgpu::Texture,
@@ -318,21 +298,4 @@ fn write_texture(
         wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * texel_bytes), rows_per_image: None };
     let extent = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
     queue.write_texture(texture.as_image_copy(), bytes, layout, extent);
-}
-
-fn texture_group(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    texture: &wgpu::Texture,
-    sampler: &wgpu::Sampler,
-) -> wgpu::BindGroup {
-    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-    device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("base colour"),
-        layout,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
-            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(sampler) },
-        ],
-    })
 }

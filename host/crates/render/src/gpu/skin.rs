@@ -1,12 +1,10 @@
 //! Skinning of many poses at once on the graphics adapter. Every kernel has its twin in `deform`.
 
-use armature_deform::{
-    BoneBlend, BoneSegment, DualQuaternionSkin, LANES, LinearBlendSkin, SkinError, StretchTwist, StretchTwistSkin,
-    nearest_rotations,
-};
+use armature_deform::skin::bones::{PosedBone, RestFrames, RestSegments, unit_normal};
+use armature_deform::skin::{BoneBlend, BoneSegment, SkinError, StretchTwist};
 use armature_geometry::Influences;
 use bytemuck::{Pod, Zeroable, cast_slice};
-use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3};
+use glam::Affine3A;
 use wgpu::BufferUsages;
 
 use super::Gpu;
@@ -15,7 +13,7 @@ use crate::RenderError;
 
 const COMMON: &str = include_str!("../../shader/skinning.wgsl");
 const GROUP_SIZE: u32 = 64;
-/// Groups in a row of the grid, and rows, at most: what every adapter can.
+/// The most groups in a row of the grid, and the most rows: every adapter supports this many.
 const MOST_GROUPS: u32 = 65_535;
 
 /// A character at rest.
@@ -23,7 +21,7 @@ const MOST_GROUPS: u32 = 65_535;
 pub struct RestShape<'a> {
     /// n×3 (model space).
     pub positions: &'a [[f32; 3]],
-    /// n×3; they need no unit length, and a zero normal stays zero.
+    /// n×3; they need not be of unit length, and a zero normal stays zero.
     pub normals: &'a [[f32; 3]],
     /// n rows.
     pub influences: &'a Influences,
@@ -32,17 +30,17 @@ pub struct RestShape<'a> {
 /// How its bones move it.
 #[derive(Clone, Copy, Debug)]
 pub enum SkinMethod<'a> {
-    /// As [`LinearBlendSkin`] does; one `rest_model_from_bone` a bone.
+    /// As in [`LinearBlendSkin`](armature_deform::skin::LinearBlendSkin); one `rest_model_from_bone` per bone.
     LinearBlend(&'a [Affine3A]),
-    /// As [`DualQuaternionSkin`] does; one `rest_model_from_bone` a bone.
+    /// As in [`DualQuaternionSkin`](armature_deform::skin::DualQuaternionSkin); one `rest_model_from_bone` per bone.
     DualQuaternion(&'a [Affine3A]),
-    /// As [`StretchTwistSkin`] does.
+    /// As in [`StretchTwistSkin`](armature_deform::skin::StretchTwistSkin).
     StretchTwist {
-        /// One a bone.
+        /// One per bone.
         rest: &'a [BoneSegment],
-        /// As long as `influences.bones()`: how far towards its bone's end each influence sits, 0 to 1.
+        /// As long as `influences.bones()`: how far towards its bone's end each influence is, 0 to 1.
         end_weights: &'a [f32],
-        /// What stretched and twisted bones are blended as.
+        /// How stretched and twisted bones are blended.
         blend: BoneBlend,
     },
 }
@@ -59,13 +57,29 @@ pub enum SkinPoses<'a> {
 /// Skinned poses, one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SkinnedPoses {
-    /// n×3 a pose (model space).
+    /// n×3 per pose (model space).
     pub positions: Vec<[f32; 3]>,
-    /// n×3 a pose, unit.
+    /// n×3 per pose, of unit length.
     pub normals: Vec<[f32; 3]>,
 }
 
-/// A character on the graphics adapter, to be skinned in up to so many poses at once.
+/// A character on the graphics adapter, to be skinned in many poses at once.
+///
+/// ```no_run
+/// use armature_geometry::Influences;
+/// use armature_render::{Gpu, GpuSkin, RestShape, SkinMethod, SkinPoses};
+/// use glam::{Affine3A, Vec3};
+///
+/// let (positions, normals) = ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]; 2]);
+/// let influences = Influences::new(1, vec![0, 0], vec![1.0, 1.0], 1)?;
+/// let shape = RestShape { positions: &positions, normals: &normals, influences: &influences };
+/// let gpu = Gpu::request()?;
+/// let mut skin = GpuSkin::precompute(&gpu, &shape, &SkinMethod::LinearBlend(&[Affine3A::IDENTITY]), 2)?;
+/// let poses = [Affine3A::IDENTITY, Affine3A::from_translation(Vec3::Y)];
+/// skin.solve(&gpu, &SkinPoses::Frames(&poses))?;
+/// assert_eq!(skin.read(&gpu)?.positions[2], [0.0, 1.0, 0.0], "the first vertex of the second pose");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct GpuSkin {
     pipeline: wgpu::ComputePipeline,
@@ -82,9 +96,9 @@ pub struct GpuSkin {
 
 #[derive(Debug)]
 enum RestBones {
-    Linear(Vec<DAffine3>),
-    Dual { bone_from_rest: Vec<DAffine3>, origins: Vec<DVec3> },
-    StretchTwist(Vec<BoneSegment>),
+    Linear(RestFrames),
+    Dual(RestFrames),
+    StretchTwist(RestSegments),
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -114,7 +128,8 @@ struct Influence {
 }
 
 impl GpuSkin {
-    /// Puts a character on the adapter, with room for `most_poses` poses at once. It is checked as the twin checks it.
+    /// Puts a character on the adapter, with space for `most_poses` poses at once. The checks are those of the CPU
+    /// twin.
     pub fn precompute(
         gpu: &Gpu,
         shape: &RestShape,
@@ -124,21 +139,17 @@ impl GpuSkin {
         let RestShape { positions, normals, influences } = *shape;
         let (source, entry, vectors_per_bone, rest) = match *method {
             SkinMethod::LinearBlend(frames) => {
-                LinearBlendSkin::precompute(positions, normals, influences, frames)?;
-                let source = include_str!("../../shader/linear_blend_skinning.wgsl");
-                (source, "skin", 3, RestBones::Linear(inverses(frames)))
+                let rest = RestBones::Linear(RestFrames::new(positions, normals, influences, frames)?);
+                (include_str!("../../shader/linear_blend_skinning.wgsl"), "skin", 3, rest)
             }
             SkinMethod::DualQuaternion(frames) => {
-                DualQuaternionSkin::precompute(positions, normals, influences, frames)?;
-                let origins = frames.iter().map(|frame| frame.translation.as_dvec3()).collect();
-                let source = include_str!("../../shader/dual_quaternion_skinning.wgsl");
-                (source, "skin", 2, RestBones::Dual { bone_from_rest: inverses(frames), origins })
+                let rest = RestBones::Dual(RestFrames::new(positions, normals, influences, frames)?);
+                (include_str!("../../shader/dual_quaternion_skinning.wgsl"), "skin", 2, rest)
             }
             SkinMethod::StretchTwist { rest, end_weights, blend } => {
-                StretchTwistSkin::precompute(positions, normals, influences, end_weights, rest, blend)?;
-                let source = include_str!("../../shader/stretch_twist_skinning.wgsl");
+                let rest = RestSegments::new(positions, normals, influences, end_weights, rest)?;
                 let entry = if blend == BoneBlend::Linear { "skin_linear" } else { "skin_dual" };
-                (source, entry, 5, RestBones::StretchTwist(rest.to_vec()))
+                (include_str!("../../shader/stretch_twist_skinning.wgsl"), entry, 5, RestBones::StretchTwist(rest))
             }
         };
         let ends = if let SkinMethod::StretchTwist { end_weights, .. } = *method { end_weights } else { &[] };
@@ -207,26 +218,13 @@ impl GpuSkin {
             SkinPoses::Frames(frames) => frames.len(),
             SkinPoses::StretchTwist(poses) => poses.len(),
         };
-        self.poses = given.checked_div(bones).unwrap_or(0);
-        if self.poses * bones != given || self.poses > self.most_poses {
-            let expected = self.poses.clamp(1, self.most_poses.max(1)) * bones;
+        let count = given.checked_div(bones).unwrap_or(0);
+        if count * bones != given || count > self.most_poses {
+            let expected = count.clamp(1, self.most_poses.max(1)) * bones;
             return Err(SkinError::Length { what: "posed bones", got: given, expected }.into());
         }
-        self.scratch.clear();
-        match (&self.rest, poses) {
-            (RestBones::Linear(rest), SkinPoses::Frames(frames)) => add_rows(frames, rest, &mut self.scratch),
-            (RestBones::Dual { bone_from_rest, origins }, SkinPoses::Frames(frames)) => {
-                add_dual_quaternions(frames, bone_from_rest, origins, &mut self.scratch);
-            }
-            (RestBones::StretchTwist(rest), SkinPoses::StretchTwist(poses)) => {
-                add_stretched(poses, rest, &mut self.scratch);
-            }
-            _ => return Err(RenderError::OtherPoses),
-        }
-        if let Some(at) = self.scratch.iter().position(|v| !v.iter().all(|c| c.is_finite())) {
-            let vectors_per_bone = self.scratch.len() / given;
-            return Err(SkinError::PoseNotFinite { bone: at / vectors_per_bone % bones }.into());
-        }
+        self.rest.prepare(poses, &mut self.scratch)?;
+        self.poses = count;
         if self.poses == 0 || self.vertex_count == 0 {
             return Ok(());
         }
@@ -245,7 +243,7 @@ impl GpuSkin {
         })
     }
 
-    /// What the last [`solve`](Self::solve) gave; waits for it.
+    /// The result of the last [`solve`](Self::solve); waits for it.
     pub fn read(&self, gpu: &Gpu) -> Result<SkinnedPoses, RenderError> {
         let count = self.poses * self.vertex_count;
         if count == 0 {
@@ -277,10 +275,48 @@ impl GpuSkin {
 impl RestBones {
     fn len(&self) -> usize {
         match self {
-            Self::Linear(bones) | Self::Dual { bone_from_rest: bones, .. } => bones.len(),
-            Self::StretchTwist(bones) => bones.len(),
+            Self::Linear(bones) | Self::Dual(bones) => bones.bone_count(),
+            Self::StretchTwist(bones) => bones.bone_count(),
         }
     }
+
+    /// Every pose's bones as its kernel reads them.
+    fn prepare(&self, poses: &SkinPoses, out: &mut Vec<[f32; 4]>) -> Result<(), RenderError> {
+        out.clear();
+        let bones = self.len().max(1);
+        match (self, poses) {
+            (Self::Linear(rest), SkinPoses::Frames(frames)) => {
+                frames.chunks(bones).try_for_each(|pose| rest.rows(pose, |_, rows| out.extend(rows)))?;
+            }
+            (Self::Dual(rest), SkinPoses::Frames(frames)) => {
+                frames.chunks(bones).try_for_each(|pose| {
+                    // The shaders' quaternions are (x, y, z, w).
+                    rest.motions(pose, |_, [w, x, y, z, dw, dx, dy, dz]| out.extend([[x, y, z, w], [dx, dy, dz, dw]]))
+                })?;
+            }
+            (Self::StretchTwist(rest), SkinPoses::StretchTwist(poses)) => {
+                poses.chunks(bones).try_for_each(|pose| {
+                    rest.posed(pose, |_, posed| {
+                        out.extend(stretched(posed));
+                        Ok(())
+                    })
+                })?;
+            }
+            _ => return Err(RenderError::OtherPoses),
+        }
+        Ok(())
+    }
+}
+
+fn stretched(bone: &PosedBone) -> [[f32; 4]; 5] {
+    let [first, growth] = bone.half_twist;
+    [
+        bone.turn.as_quat().to_array(),
+        bone.axis.as_vec3().extend(first).to_array(),
+        bone.rest_start.as_vec3().extend(growth).to_array(),
+        bone.start.as_vec3().extend(0.0).to_array(),
+        bone.longer.as_vec3().extend(0.0).to_array(),
+    ]
 }
 
 fn storage(device: &wgpu::Device, label: &str, bytes: usize) -> wgpu::Buffer {
@@ -309,8 +345,7 @@ fn pipeline(device: &wgpu::Device, source: &str, entry: &str) -> wgpu::ComputePi
 }
 
 fn rest_vertices(shape: &RestShape) -> Vec<RestVertex> {
-    let unit = |n: &[f32; 3]| DVec3::from_array(n.map(f64::from)).normalize_or_zero().as_vec3().to_array();
-    let vertex = |(&position, normal)| RestVertex { position, pad: 0.0, normal: unit(normal), pad_too: 0.0 };
+    let vertex = |(&position, &normal)| RestVertex { position, pad: 0.0, normal: unit_normal(normal), pad_too: 0.0 };
     shape.positions.iter().zip(shape.normals).map(vertex).collect()
 }
 
@@ -322,66 +357,4 @@ fn packed(influences: &Influences, ends: &[f32]) -> Vec<Influence> {
         end: end.clamp(0.0, 1.0),
     };
     influences.bones().iter().zip(influences.weights()).zip(ends).map(influence).collect()
-}
-
-fn widened(frame: &Affine3A) -> DAffine3 {
-    DAffine3 { matrix3: frame.matrix3.as_dmat3(), translation: frame.translation.as_dvec3() }
-}
-
-fn inverses(frames: &[Affine3A]) -> Vec<DAffine3> {
-    frames.iter().map(|frame| widened(frame).inverse()).collect()
-}
-
-fn add_rows(frames: &[Affine3A], bone_from_rest: &[DAffine3], to: &mut Vec<[f32; 4]>) {
-    for (frame, rest) in frames.iter().zip(bone_from_rest.iter().cycle()) {
-        let moved = widened(frame) * *rest;
-        let rows = moved.matrix3.transpose();
-        for (row, shift) in [rows.x_axis, rows.y_axis, rows.z_axis].into_iter().zip(moved.translation.to_array()) {
-            to.push(row.extend(shift).as_vec4().to_array());
-        }
-    }
-}
-
-/// The nearest rotation of each bone's motion since rest, and where it takes the bone's origin.
-fn add_dual_quaternions(frames: &[Affine3A], bone_from_rest: &[DAffine3], origins: &[DVec3], to: &mut Vec<[f32; 4]>) {
-    let mut rest = bone_from_rest.iter().zip(origins).cycle();
-    for eight in frames.chunks(LANES) {
-        let rest: Vec<_> = rest.by_ref().take(eight.len()).collect();
-        let mut linear = [[[0.0; LANES]; 3]; 3];
-        for (lane, (frame, (bone_from_rest, _))) in eight.iter().zip(&rest).enumerate() {
-            let moved = frame.matrix3.as_dmat3() * bone_from_rest.matrix3;
-            for row in 0..3 {
-                (0..3).for_each(|column| linear[row][column][lane] = moved.col(column)[row] as f32);
-            }
-            if !moved.is_finite() {
-                // What is not finite has no nearest rotation; it is to be seen in the result.
-                linear[0][0][lane] = f32::NAN;
-            }
-        }
-        let turned = nearest_rotations(&linear);
-        for (lane, (frame, (_, origin))) in eight.iter().zip(&rest).enumerate() {
-            let column = |c: usize| DVec3::from_array([0, 1, 2].map(|r| f64::from(turned[r][c][lane])));
-            let turn = DQuat::from_mat3(&DMat3::from_cols(column(0), column(1), column(2))).normalize();
-            let turn = if linear[0][0][lane].is_finite() { turn } else { DQuat::NAN };
-            let shift = frame.translation.as_dvec3() - turn * **origin;
-            let dual = DQuat::from_xyzw(shift.x, shift.y, shift.z, 0.0) * turn * 0.5;
-            to.extend([turn, dual].map(|q| q.to_array().map(|c| c as f32)));
-        }
-    }
-}
-
-fn add_stretched(poses: &[StretchTwist], rest: &[BoneSegment], to: &mut Vec<[f32; 4]>) {
-    for (pose, rest) in poses.iter().zip(rest.iter().cycle()) {
-        let turn = DQuat::from_array(pose.turn.to_array().map(f64::from));
-        let turn = if turn.length() > 1e-12 { turn.normalize() } else { DQuat::NAN };
-        let along = (rest.end - rest.start).as_dvec3();
-        let axis = along.normalize_or_zero();
-        let [first, last] = if axis == DVec3::ZERO { [0.0; 2] } else { pose.twist };
-        let longer = turn * (along * (f64::from(pose.stretch) - 1.0));
-        to.push(turn.to_array().map(|c| c as f32));
-        to.push(axis.as_vec3().extend(0.5 * first).to_array());
-        to.push(rest.start.extend(0.5 * (last - first)).to_array());
-        to.push(pose.start.extend(0.0).to_array());
-        to.push(longer.as_vec3().extend(0.0).to_array());
-    }
 }

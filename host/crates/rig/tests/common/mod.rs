@@ -31,7 +31,7 @@ pub fn puppet(parts: &[(&str, PartKind, &str)]) -> JointTree {
     JointTree::new(list).unwrap()
 }
 
-/// Bones as (name, parent's name or "", head in model space); tails by the largest child, leaves go on half.
+/// Bones as (name, parent's name or "", head in model space); tails at the largest child, leaves extend by half.
 pub fn skeleton(bones: &[(&str, &str, [f32; 3])]) -> Skeleton {
     let index = |name: &str| bones.iter().position(|b| b.0 == name);
     let head = |i: usize| Vec3::from(bones[i].2);
@@ -48,7 +48,7 @@ pub fn skeleton(bones: &[(&str, &str, [f32; 3])]) -> Skeleton {
     Skeleton::new(list.collect()).unwrap()
 }
 
-/// A human with collarbones, three fingers a hand, toes, eyes and end markers, in T-pose.
+/// A human with collarbones, three fingers per hand, toes, eyes and end markers, in T-pose.
 pub fn rich_human() -> Skeleton {
     let mut bones: Vec<(String, String, [f32; 3])> = Vec::new();
     let mut add = |name: &str, parent: &str, at: [f32; 3]| bones.push((name.into(), parent.into(), at));
@@ -91,7 +91,7 @@ fn depth(bones: &[(String, String, [f32; 3])], bone: usize) -> usize {
     bones.iter().position(|b| b.0 == bones[bone].1).map_or(0, |parent| 1 + depth(bones, parent))
 }
 
-/// The parts of a human puppet; a wrist after elbow and forearm twist.
+/// The parts of a human puppet; the wrist comes after elbow and forearm twist.
 pub const HUMAN: [(&str, PartKind, &str); 22] = [
     ("hips", TBT, ""),
     ("pelvis", PartKind::Splitter { outlets: 3 }, "hips"),

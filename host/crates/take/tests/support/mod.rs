@@ -3,9 +3,9 @@
 
 use armature_rig::{
     Bone, Calibration, JointTree, Mapping, MappingEntry, Part, PartKind, PartUid, Pose, RawSample, SensorState,
-    Skeleton, Transform,
+    Skeleton, StreamSolver, Transform,
 };
-use armature_take::{Event, EventKind, Header, Sample, Take, TakeWriter};
+use armature_take::{ClockFault, Event, EventKind, Header, Sample, Take, TakeWriter};
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
 
@@ -20,6 +20,20 @@ pub(crate) fn header() -> Header {
         unix_micros: None,
         inverse_kinematics: None,
     }
+}
+
+/// A take of the arm with everything that comes before its samples, and a solver that knows the same.
+pub(crate) fn begun(header: &Header) -> (TakeWriter<Vec<u8>>, StreamSolver) {
+    let mut writer = TakeWriter::new(Vec::new(), header).expect("memory can be written to");
+    let mut solver = StreamSolver::new(arm());
+    solver.set_topology(1, arm_tree());
+    solver.set_calibration(arm_calibration());
+    solver.set_mapping(arm_mapping());
+    writer.skeleton(&arm()).expect("memory can be written to");
+    writer.topology(1, &arm_tree()).expect("memory can be written to");
+    writer.calibration(&arm_calibration()).expect("memory can be written to");
+    writer.mapping(&arm_mapping()).expect("memory can be written to");
+    (writer, solver)
 }
 
 pub(crate) fn bone(name: &str, parent: Option<usize>, at: [f32; 3], tail: [f32; 3]) -> Bone {
@@ -60,7 +74,7 @@ pub(crate) fn arm_calibration() -> Calibration {
 pub(crate) fn arm_mapping() -> Mapping {
     let mut wrist = MappingEntry::new(PartUid([2; 12]), "hand");
     wrist.mounting = Quat::from_rotation_y(0.5);
-    Mapping { entries: vec![MappingEntry::new(PartUid([1; 12]), "upper"), wrist] }
+    Mapping { entries: vec![MappingEntry::new(PartUid([1; 12]), "upper"), wrist], ..Mapping::default() }
 }
 
 pub(crate) fn raw(sequence: u32, device_micros: u64) -> RawSample {
@@ -150,6 +164,10 @@ pub(crate) fn any_event() -> impl Strategy<Value = Event> {
         (any::<u64>(), any::<u64>())
             .prop_map(|(crc_errors, discarded_bytes)| EventKind::Noise { crc_errors, discarded_bytes }),
         Just(EventKind::Restart),
+        any::<u64>().prop_map(|micros| EventKind::ClockFault { fault: ClockFault::WentBack, micros }),
+        (any::<u32>(), any::<u32>(), any::<u32>()).prop_map(|(p50_micros, p99_micros, max_micros)| {
+            EventKind::Posing { p50_micros, p99_micros, max_micros }
+        }),
         Just(EventKind::Reconnect),
         any::<u16>().prop_map(|epoch| EventKind::TopologyChange { epoch }),
         ".{0,30}".prop_map(|text| EventKind::Marker { text }),

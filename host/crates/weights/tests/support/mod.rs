@@ -1,75 +1,38 @@
-//! Just enough reading of OBJ and TGF for tests of this crate, which knows no file formats.
+//! Shared by this crate's tests: files as the crate's own types, and a block of tetrahedra.
 #![allow(dead_code, reason = "each test file uses its own part of this module")]
-#![allow(clippy::unwrap_used, reason = "a test whose data cannot be read has to fail")]
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use armature_geometry::{TetrahedralMesh, TriangleMesh};
+use armature_test_support::shared;
 use armature_weights::BoneSegment;
-
-/// Path of a file in the shared data folder beside the repository; `None`, said aloud, where it is absent.
-pub(crate) fn shared_data(name: &str) -> Option<PathBuf> {
-    let found = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .ancestors()
-        .map(|folder| folder.join("shared/data").join(name))
-        .find(|path| path.exists());
-    if found.is_none() {
-        println!("SKIPPED: shared/data/{name} is not there");
-        assert!(
-            std::env::var_os("ARMATURE_REQUIRE_SHARED_DATA").is_none(),
-            "shared/data/{name} is required but not there"
-        );
-    }
-    found
-}
 
 /// Vertices and triangulated faces of an OBJ file.
 pub(crate) fn read_obj(path: &Path) -> TriangleMesh {
-    let mut mesh = TriangleMesh::default();
-    for line in std::fs::read_to_string(path).unwrap().lines() {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => {
-                let mut next = || words.next().unwrap().parse().unwrap();
-                mesh.vertices.push([next(), next(), next()]);
-            }
-            Some("f") => {
-                let corners: Vec<u32> =
-                    words.map(|w| w.split('/').next().unwrap().parse::<u32>().unwrap() - 1).collect();
-                mesh.triangles.extend((2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]]));
-            }
-            _ => {}
-        }
-    }
-    mesh
+    let read = armature_test_support::read_obj(path);
+    TriangleMesh { vertices: read.vertices, triangles: read.triangles }
 }
 
 /// Bones of a TGF file: one for every edge.
 pub(crate) fn read_tgf(path: &Path) -> Vec<BoneSegment> {
-    let text = std::fs::read_to_string(path).unwrap();
-    let (nodes, links) = text.split_once("\n#").unwrap();
-    let mut joints: Vec<[f64; 3]> = Vec::new();
-    for line in nodes.lines().filter(|l| !l.trim().is_empty()) {
-        let numbers: Vec<f64> = line.split_whitespace().map(|w| w.parse().unwrap()).collect();
-        joints.push([numbers[1], numbers[2], numbers[3]]);
-    }
-    let ends = |line: &str| {
-        let mut numbers = line.split_whitespace().map_while(|w| w.parse::<usize>().ok());
-        Some((numbers.next()?, numbers.next()?))
-    };
-    let links = links.split('#').next().unwrap();
-    links.lines().filter_map(ends).map(|(a, b)| BoneSegment { head: joints[a - 1], tail: joints[b - 1] }).collect()
+    armature_test_support::read_tgf(path).into_iter().map(|[head, tail]| BoneSegment { head, tail }).collect()
+}
+
+/// Vertices and tetrahedra of a MESH file.
+pub(crate) fn read_mesh(path: &Path) -> TetrahedralMesh {
+    let read = armature_test_support::read_mesh(path);
+    TetrahedralMesh { vertices: read.vertices, tetrahedra: read.tetrahedra }
 }
 
 /// A shared mesh with its skeleton.
 pub(crate) fn shared_character(name: &str) -> Option<(TriangleMesh, Vec<BoneSegment>)> {
-    let mesh = shared_data(&format!("{name}.obj"))?;
-    let skeleton = shared_data(&format!("{name}.tgf"))?;
+    let mesh = shared(&format!("{name}.obj"))?;
+    let skeleton = shared(&format!("{name}.tgf"))?;
     Some((read_obj(&mesh), read_tgf(&skeleton)))
 }
 
-/// A block of so many cubes along x, y and z, six tetrahedra each; `place` puts its whole-numbered vertices, of which
-/// x comes fastest.
+/// A block of cubes, the given number along x, y and z, six tetrahedra each; `place` positions its integer vertices,
+/// numbered with x fastest.
 pub(crate) fn block([nx, ny, nz]: [usize; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> TetrahedralMesh {
     let number = |x: usize, y: usize, z: usize| x + (nx + 1) * (y + (ny + 1) * z);
     let mut mesh = TetrahedralMesh::default();
@@ -87,58 +50,58 @@ pub(crate) fn block([nx, ny, nz]: [usize; 3], place: impl Fn([f64; 3]) -> [f64; 
     mesh
 }
 
-/// Vertices and tetrahedra of a MESH file.
-pub(crate) fn read_medit(path: &Path) -> TetrahedralMesh {
-    let text = std::fs::read_to_string(path).unwrap();
-    let mut words = text.split_whitespace();
-    let mut mesh = TetrahedralMesh::default();
-    while let Some(word) = words.next() {
-        match word {
-            "Vertices" => {
-                for _ in 0..words.next().unwrap().parse().unwrap() {
-                    mesh.vertices.push(std::array::from_fn(|_| words.next().unwrap().parse().unwrap()));
-                    words.next();
-                }
-            }
-            "Tetrahedra" => {
-                for _ in 0..words.next().unwrap().parse().unwrap() {
-                    mesh.tetrahedra.push(std::array::from_fn(|_| words.next().unwrap().parse::<u32>().unwrap() - 1));
-                    words.next();
-                }
-            }
-            _ => {}
+/// A flat figure of right triangles with legs of length `h`, wherever `inside` says for the middle of a square.
+pub(crate) fn flat_shape(h: f64, [width, height]: [f64; 2], inside: impl Fn(f64, f64) -> bool) -> TriangleMesh {
+    let (nx, ny) = ((width / h).round() as usize, (height / h).round() as usize);
+    let mut number = std::collections::BTreeMap::new();
+    let mut mesh = TriangleMesh::default();
+    for (i, j) in (0..ny).flat_map(|j| (0..nx).map(move |i| (i, j))) {
+        if !inside((i as f64 + 0.5) * h, (j as f64 + 0.5) * h) {
+            continue;
         }
+        let mut at = |i: usize, j: usize| {
+            *number.entry((i, j)).or_insert_with(|| {
+                mesh.vertices.push([i as f64 * h, j as f64 * h, 0.0]);
+                mesh.vertices.len() as u32 - 1
+            })
+        };
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        mesh.triangles.extend(if (i + j) % 2 == 0 { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
     }
     mesh
 }
 
-/// A dense array, column-major.
-pub(crate) struct Array {
-    pub(crate) columns: usize,
-    pub(crate) values: Vec<f64>,
+/// A solid of cubes with edges of length `h`, six tetrahedra each, wherever `inside` says for the middle of a cube.
+pub(crate) fn solid_shape(h: f64, size: [f64; 3], inside: impl Fn([f64; 3]) -> bool) -> TetrahedralMesh {
+    let cells = size.map(|length| (length / h).round() as usize);
+    let whole = block(cells, |place| place.map(|x| x * h));
+    let chosen: Vec<[u32; 4]> = whole
+        .tetrahedra
+        .chunks(6)
+        .enumerate()
+        .filter(|(cell, _)| {
+            let (x, y, z) = (cell % cells[0], cell / cells[0] % cells[1], cell / (cells[0] * cells[1]));
+            inside([x, y, z].map(|k| (k as f64 + 0.5) * h))
+        })
+        .flat_map(|(_, six)| six.to_vec())
+        .collect();
+    let mut number = vec![u32::MAX; whole.vertices.len()];
+    let mut mesh = TetrahedralMesh::default();
+    for corners in chosen {
+        mesh.tetrahedra.push(corners.map(|vertex| {
+            let place = &mut number[vertex as usize];
+            if *place == u32::MAX {
+                *place = mesh.vertices.len() as u32;
+                mesh.vertices.push(whole.vertices[vertex as usize]);
+            }
+            *place
+        }));
+    }
+    mesh
 }
 
-/// A row-major npy file of f64 with two dimensions.
-pub(crate) fn read_npy(path: &Path) -> Array {
-    let (header, data) = npy_parts(path);
-    assert!(header.contains("'<f8'") && header.contains("'fortran_order': False"), "{header}");
-    let shape = header.split('(').nth(1).unwrap().split(')').next().unwrap();
-    let columns: usize = shape.split(',').nth(1).unwrap().trim().parse().unwrap();
-    let rows: Vec<f64> = data.chunks_exact(8).map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect();
-    let values = (0..columns).flat_map(|column| rows.iter().skip(column).step_by(columns).copied()).collect();
-    Array { columns, values }
-}
-
-/// An npy file of i64 with one dimension.
-pub(crate) fn read_npy_indices(path: &Path) -> Vec<usize> {
-    let (header, data) = npy_parts(path);
-    assert!(header.contains("'<i8'"), "{header}");
-    data.chunks_exact(8).map(|bytes| i64::from_le_bytes(bytes.try_into().unwrap()) as usize).collect()
-}
-
-fn npy_parts(path: &Path) -> (String, Vec<u8>) {
-    let bytes = std::fs::read(path).unwrap();
-    assert_eq!(&bytes[..7], b"\x93NUMPY\x01");
-    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    (String::from_utf8(bytes[10..10 + length].to_vec()).unwrap(), bytes[10 + length..].to_vec())
+/// The vertex nearest to a place.
+pub(crate) fn nearest(vertices: &[[f64; 3]], place: [f64; 3]) -> usize {
+    let far = |vertex: &[f64; 3]| vertex.iter().zip(place).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+    (0..vertices.len()).min_by(|&a, &b| far(&vertices[a]).total_cmp(&far(&vertices[b]))).expect("a vertex")
 }

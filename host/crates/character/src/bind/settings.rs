@@ -1,0 +1,51 @@
+//! How to bind.
+
+use armature_weights::handles::FREE_NEAR_JOINTS;
+use armature_weights::heat::BoneHeatSettings;
+
+use crate::handle_weights::{BiharmonicTier, WeightsOn};
+
+/// Approximate number of vertices of the volume that weights are computed on by default: on the armadillo, the elephant
+/// and the hand, weights with twice as many are no closer to those with four times as many
+/// (`armature bench weights/convergence`).
+pub const WEIGHT_VOLUME_VERTICES: usize = 5_000;
+
+/// How weights are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindMethod {
+    /// Bounded biharmonic weights.
+    Biharmonic(BiharmonicTier),
+    /// Bone heat on the surface.
+    BoneHeat,
+}
+
+/// How to bind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BindSettings {
+    /// Compute new weights even if the model has an artist's.
+    pub replace_rig: bool,
+    /// Most influences a vertex may have, 1 to 8.
+    pub max_influences: usize,
+    /// How weights are computed.
+    pub method: BindMethod,
+    /// What bounded biharmonic weights are computed on.
+    pub on: WeightsOn,
+    /// The fraction of its length over which a bone is released at each shared joint, for bounded biharmonic weights.
+    pub joint_release: f64,
+    /// Settings of the bone heat method.
+    pub heat: BoneHeatSettings,
+}
+
+impl Default for BindSettings {
+    fn default() -> Self {
+        Self {
+            replace_rig: false,
+            // Smooth weights reach far: where many bones meet, four would leave seams.
+            max_influences: 8,
+            method: BindMethod::Biharmonic(BiharmonicTier::Interactive),
+            on: WeightsOn::Volume { vertices: WEIGHT_VOLUME_VERTICES },
+            joint_release: FREE_NEAR_JOINTS,
+            heat: BoneHeatSettings::default(),
+        }
+    }
+}

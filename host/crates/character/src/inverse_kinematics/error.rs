@@ -1,0 +1,27 @@
+//! Why a character has no inverse kinematics.
+
+use armature_deform::arap::ArapError;
+use armature_rig::Skeleton;
+
+/// Why a character has no inverse kinematics.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum IkError {
+    /// The skeleton has no such bone.
+    #[error("there is no bone {name:?}{}", nearest.as_ref().map_or_else(String::new, |n| format!("; did you mean {n:?}?")))]
+    UnknownBone {
+        /// The name given.
+        name: String,
+        /// A bone whose name differs only in case.
+        nearest: Option<String>,
+    },
+    /// The shape cannot be reduced to its bones.
+    #[error("the shape cannot be posed by a few of its bones: {0}")]
+    Shape(#[from] ArapError),
+}
+
+pub(super) fn find_bone(skeleton: &Skeleton, name: &str) -> Result<usize, IkError> {
+    skeleton.find(name).ok_or_else(|| {
+        let alike = skeleton.bones().iter().find(|bone| bone.name.eq_ignore_ascii_case(name));
+        IkError::UnknownBone { name: name.to_owned(), nearest: alike.map(|bone| bone.name.clone()) }
+    })
+}

@@ -1,0 +1,42 @@
+//! The bones that no joint drives, found from the shape: as rigid as possible (thesis chapter 7).
+//!
+//! The puppet is obeyed: a driven bone is turned exactly as its joints turn it, and is exactly where forward kinematics
+//! puts it as long as everything between it and a pin is driven or held. The rest minimises the energy of the whole
+//! shape over the bones' transformations ([`ReducedArap`]). The affine result becomes a pose of rigid bones: the
+//! nearest rotation of each solved bone, rest lengths from parent to child, and then the smallest change that puts pins
+//! back in place. Everything after that (skinning, takes, exports) uses that pose.
+//!
+//! The human's own puppet turns only head, hands and feet; the bones between are solved:
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use armature_character::inverse_kinematics::{BoneRole, InverseKinematics};
+//!
+//! let human = armature_character::own::human()?;
+//! let mut solver = InverseKinematics::new(&human, &[])?;
+//! let of_puppet = ["Head", "LeftHand", "RightHand", "LeftFoot", "RightFoot"];
+//! let driven: Vec<bool> = human.skeleton.bones().iter().map(|b| of_puppet.contains(&b.name.as_str())).collect();
+//! solver.drive(&driven, &mut |_stage, _done| ControlFlow::Continue(()))?;
+//! let elbow = human.skeleton.find("LeftLowerArm").ok_or("no such bone")?;
+//! assert_eq!(solver.roles()[elbow], BoneRole::Solved);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod bone_roles;
+mod comfort;
+mod error;
+mod held_pins;
+mod layout;
+mod pinned_bone;
+mod preferred_bone;
+mod rest;
+mod shape;
+mod solved_system;
+mod solver;
+
+pub use bone_roles::BoneRole;
+pub use comfort::Comfort;
+pub use error::IkError;
+pub use pinned_bone::{PinHold, PinnedBone};
+pub use preferred_bone::{PreferredBone, UnknownPreference};
+pub use solver::InverseKinematics;

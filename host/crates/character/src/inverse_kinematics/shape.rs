@@ -1,0 +1,66 @@
+//! The character's shape as the energy sees it, reduced to the handles of a layout.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use armature_deform::arap::{ArapEnergy, ArapSettings, ArapShape, ReducedArap, SharedJoint};
+
+use super::error::IkError;
+use super::layout::Layout;
+use super::rest::RestRig;
+use crate::character::{Character, Surface};
+
+/// The character's shape as the energy sees it.
+#[derive(Clone, Debug)]
+pub(super) struct Shape(Arc<Surface>);
+
+impl Shape {
+    pub(super) fn of(character: &Character) -> Self {
+        Self(character.surface.clone())
+    }
+
+    /// For every bone, the total weight of all vertices.
+    pub(super) fn weight_of_bones(&self, bones: usize) -> Vec<f64> {
+        let mut weight = vec![0.0; bones];
+        for vertex in 0..self.0.influences.vertex_count() {
+            self.0.influences.of_vertex(vertex).for_each(|(bone, w)| weight[usize::from(bone)] += f64::from(w));
+        }
+        weight
+    }
+
+    pub(super) fn reduce(
+        &self,
+        rig: &RestRig,
+        layout: &Layout,
+        progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+    ) -> Result<ReducedArap, IkError> {
+        let handles = layout.handle_count();
+        let mut weights = vec![0.0; self.0.mesh.vertices.len() * handles];
+        for (vertex, row) in weights.chunks_exact_mut(handles).enumerate() {
+            for (bone, weight) in self.0.influences.of_vertex(vertex) {
+                row[layout.handle_of_bone[usize::from(bone)]] += f64::from(weight);
+            }
+        }
+        let head = |bone: usize| rig.heads[bone].as_dvec3().to_array();
+        let handle_points: Vec<[f64; 3]> = layout.bone_of_handle.iter().map(|&bone| head(bone)).collect();
+        let joint = |(handle, &bone): (usize, &usize)| {
+            let above = layout.handle_of_bone[rig.parent(bone)?];
+            let redundant = layout.placed[above] && layout.placed[handle];
+            (!redundant).then(|| SharedJoint { handles: [above, handle], point: head(bone) })
+        };
+        let joints: Vec<SharedJoint> = layout.bone_of_handle.iter().enumerate().filter_map(joint).collect();
+        let mut arap = ReducedArap::precompute(
+            &ArapShape {
+                positions: &self.0.mesh.vertices,
+                energy: ArapEnergy::SpokesAndRims(&self.0.mesh.triangles),
+                weights: &weights,
+                handle_points: &handle_points,
+                joints: &joints,
+            },
+            &ArapSettings::default(),
+            progress,
+        )?;
+        arap.constrain(&layout.constraints, &[])?;
+        Ok(arap)
+    }
+}

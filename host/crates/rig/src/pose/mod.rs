@@ -1,0 +1,14 @@
+//! From samples to poses: [`PoseSolver`] for one puppet, calibration and mapping, [`StreamSolver`] while they change.
+//! [`PoseCompletion`] poses the bones that no joint drives.
+
+mod completion;
+mod engagement;
+mod sensor;
+mod solver;
+mod status;
+mod stream_solver;
+
+pub use completion::PoseCompletion;
+pub use solver::{PoseSolver, SampleError};
+pub use status::{BoneQuality, BoneStatus};
+pub use stream_solver::{SolveError, StreamSolver};

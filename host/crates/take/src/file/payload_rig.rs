@@ -1,0 +1,195 @@
+//! The payloads of calibration, joint settings and mapping.
+
+use armature_rig::{
+    Calibration, Filter, JointAxis, Mapping, MappingEntry, OneEuro, PartSettings, PartUid, SensorCalibration,
+    SensorRange,
+};
+use glam::Quat;
+
+use super::bytes::{Fields, Put};
+use super::error::{PayloadError, WriteError};
+use super::format::MAX_PARTS;
+use super::payload::{put_count, put_text};
+
+mod sensor_flag {
+    pub(super) const ZEROED: u8 = 1;
+    pub(super) const REVERSED: u8 = 2;
+    pub(super) const TWIST: u8 = 4;
+}
+
+/// Sensors a part may have in a calibration record.
+const MAX_SENSORS_OF_A_PART: usize = u8::MAX as usize;
+
+pub(super) fn put_calibration(out: &mut Vec<u8>, calibration: &Calibration) -> Result<(), WriteError> {
+    put_count(out, "the calibration", calibration.parts().count(), usize::from(u16::MAX))?;
+    for (uid, sensors) in calibration.parts() {
+        out.extend_from_slice(&uid.0);
+        let (count, limit) = (sensors.len(), MAX_SENSORS_OF_A_PART);
+        let too_many = WriteError::TooMany { field: "the calibration of a part", count, limit };
+        out.put_u8(u8::try_from(count).map_err(|_| too_many)?);
+        for sensor in sensors {
+            let set = |on: bool, flag: u8| if on { flag } else { 0 };
+            out.put_u8(
+                set(sensor.zero_counts.is_some(), sensor_flag::ZEROED)
+                    | set(sensor.reversed, sensor_flag::REVERSED)
+                    | set(sensor.axis == JointAxis::Twist, sensor_flag::TWIST),
+            );
+            out.put_u16(sensor.zero_counts.unwrap_or(0));
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn read_calibration(fields: &mut Fields<'_>) -> Result<Calibration, PayloadError> {
+    let mut calibration = Calibration::default();
+    for _ in 0..fields.u16("part count")? {
+        let uid = PartUid(fields.array("part number")?);
+        let mut sensors = Vec::new();
+        for _ in 0..fields.u8("sensor count")? {
+            let flags = fields.u8("flags")?;
+            let zero = fields.u16("zero")?;
+            sensors.push(SensorCalibration {
+                zero_counts: (flags & sensor_flag::ZEROED != 0).then_some(zero),
+                reversed: flags & sensor_flag::REVERSED != 0,
+                axis: if flags & sensor_flag::TWIST != 0 { JointAxis::Twist } else { JointAxis::Bend },
+                range: None,
+            });
+        }
+        calibration.set_part(uid, sensors);
+    }
+    Ok(calibration)
+}
+
+/// Whether a calibration contains more than its own record can hold.
+pub(super) fn has_joint_settings(calibration: &Calibration) -> bool {
+    let ranged = |(_, sensors): (PartUid, &[SensorCalibration])| sensors.iter().any(|sensor| sensor.range.is_some());
+    calibration.filter != Filter::None || calibration.set_parts().next().is_some() || calibration.parts().any(ranged)
+}
+
+mod settings_flag {
+    pub(super) const MOUNTING: u8 = 1;
+    pub(super) const HEADING: u8 = 2;
+    pub(super) const FILTER: u8 = 4;
+}
+
+pub(super) fn put_joint_settings(out: &mut Vec<u8>, calibration: &Calibration) -> Result<(), WriteError> {
+    put_filter(out, calibration.filter);
+    put_count(out, "the joint settings", calibration.set_parts().count(), usize::from(u16::MAX))?;
+    for (uid, settings) in calibration.set_parts() {
+        out.extend_from_slice(&uid.0);
+        let set = |on: bool, flag: u8| if on { flag } else { 0 };
+        let PartSettings { mounting, heading, filter } = settings;
+        out.put_u8(
+            set(mounting != Quat::IDENTITY, settings_flag::MOUNTING)
+                | set(heading != 0.0, settings_flag::HEADING)
+                | set(filter.is_some(), settings_flag::FILTER),
+        );
+        out.put_quat(mounting);
+        out.put_f64(heading);
+        put_filter(out, filter.unwrap_or_default());
+    }
+    let ranges: Vec<_> = calibration
+        .parts()
+        .flat_map(|(uid, sensors)| sensors.iter().enumerate().map(move |(index, sensor)| (uid, index, sensor.range)))
+        .filter_map(|(uid, index, range)| Some((uid, index, range?)))
+        .collect();
+    put_count(out, "the ranges", ranges.len(), usize::from(u16::MAX))?;
+    for (uid, index, range) in ranges {
+        out.extend_from_slice(&uid.0);
+        // The calibration's own record, which comes before this one, has no space for more.
+        out.put_u8(index as u8);
+        out.put_u16(range.first_counts);
+        out.put_u32(range.span_counts);
+    }
+    Ok(())
+}
+
+/// Adds the contents of the joint settings record to the calibration before it.
+pub(super) fn read_joint_settings(fields: &mut Fields<'_>, calibration: &mut Calibration) -> Result<(), PayloadError> {
+    calibration.filter = read_filter(fields)?;
+    for _ in 0..fields.u16("part count")? {
+        let uid = PartUid(fields.array("part number")?);
+        let flags = fields.u8("flags")?;
+        let mounting = fields.quat("mounting")?;
+        let heading = fields.f64("heading")?;
+        let filter = read_filter(fields)?;
+        let settings = PartSettings {
+            mounting: if flags & settings_flag::MOUNTING != 0 { mounting } else { Quat::IDENTITY },
+            heading: if flags & settings_flag::HEADING != 0 { heading } else { 0.0 },
+            filter: (flags & settings_flag::FILTER != 0).then_some(filter),
+        };
+        calibration.set_part_settings(uid, settings);
+    }
+    for _ in 0..fields.u16("range count")? {
+        let uid = PartUid(fields.array("part number")?);
+        let sensor = usize::from(fields.u8("sensor")?);
+        let (first_counts, span_counts) = (fields.u16("first count")?, fields.u32("span")?);
+        let found = calibration.sensor_mut(uid, sensor).ok_or(PayloadError::NoSuchSensor)?;
+        found.range = Some(SensorRange { first_counts, span_counts });
+    }
+    Ok(())
+}
+
+fn put_filter(out: &mut Vec<u8>, filter: Filter) {
+    let (kind, numbers) = match filter {
+        Filter::None => (0, [0.0; 3]),
+        Filter::OneEuro(OneEuro { min_cutoff, beta, speed_cutoff }) => (1, [min_cutoff, beta, speed_cutoff]),
+        Filter::Hold { patience_seconds } => (2, [patience_seconds, 0.0, 0.0]),
+    };
+    out.put_u8(kind);
+    numbers.into_iter().for_each(|number| out.put_f64(number));
+}
+
+fn read_filter(fields: &mut Fields<'_>) -> Result<Filter, PayloadError> {
+    let kind = fields.u8("filter")?;
+    let [a, b, c] = [fields.f64("filter")?, fields.f64("filter")?, fields.f64("filter")?];
+    let filter = match kind {
+        0 => Filter::None,
+        1 => Filter::OneEuro(OneEuro { min_cutoff: a, beta: b, speed_cutoff: c }),
+        2 => Filter::Hold { patience_seconds: a },
+        _ => return Err(PayloadError::UnknownCode { field: "filter", value: kind.into() }),
+    };
+    filter
+        .problem()
+        .map_or(Ok(filter), |_| Err(PayloadError::UnknownCode { field: "filter's settings", value: kind.into() }))
+}
+
+pub(super) fn put_mapping(out: &mut Vec<u8>, mapping: &Mapping) -> Result<(), WriteError> {
+    put_count(out, "the mapping", mapping.entries.len(), MAX_PARTS)?;
+    put_entries(out, &mapping.entries)?;
+    if !mapping.carried.is_empty() {
+        put_count(out, "joints without a bone", mapping.carried.len(), usize::from(u16::MAX))?;
+        put_entries(out, &mapping.carried)?;
+    }
+    Ok(())
+}
+
+fn put_entries(out: &mut Vec<u8>, entries: &[MappingEntry]) -> Result<(), WriteError> {
+    for entry in entries {
+        out.extend_from_slice(&entry.part.0);
+        put_text(out, "a bone's name", &entry.bone)?;
+        out.put_quat(entry.mounting);
+    }
+    Ok(())
+}
+
+pub(super) fn read_mapping(fields: &mut Fields<'_>) -> Result<Mapping, PayloadError> {
+    let count = usize::from(fields.u16("entry count")?);
+    if count > MAX_PARTS {
+        return Err(PayloadError::TooManyParts { count, limit: MAX_PARTS });
+    }
+    let entries = read_entries(fields, count)?;
+    // Added after the first takes.
+    let count = if fields.left() > 0 { usize::from(fields.u16("count of joints without a bone")?) } else { 0 };
+    Ok(Mapping { entries, carried: read_entries(fields, count)? })
+}
+
+fn read_entries(fields: &mut Fields<'_>, count: usize) -> Result<Vec<MappingEntry>, PayloadError> {
+    let mut entries = Vec::new();
+    for _ in 0..count {
+        let part = PartUid(fields.array("part number")?);
+        let bone = fields.text("bone name")?;
+        entries.push(MappingEntry { part, bone, mounting: fields.quat("mounting")? });
+    }
+    Ok(entries)
+}

@@ -1,0 +1,6 @@
+//! Sparse symmetric linear algebra shared by the methods.
+
+pub(crate) mod cholesky;
+pub(crate) mod inverse_diagonal;
+pub(crate) mod product;
+pub(crate) mod symmetric;

@@ -1,0 +1,113 @@
+//! Options of inverse kinematics for bones without a joint.
+
+use std::convert::Infallible;
+
+use armature_character::inverse_kinematics::{
+    BoneRole, InverseKinematics, PinnedBone, PreferredBone, UnknownPreference,
+};
+use clap::{Args, ValueEnum};
+
+use super::LoadedCharacter;
+use crate::failure::Failure;
+
+/// When inverse kinematics turns bones that no joint drives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum IkMode {
+    /// Always; a character without a mesh is an error
+    On,
+    /// Never: bones without a joint keep their rest pose
+    Off,
+    /// If the character has a mesh
+    #[default]
+    Auto,
+}
+
+/// Bones without a joint.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Args)]
+pub struct IkArgs {
+    /// Whether bones without a joint follow by shape-aware inverse kinematics
+    #[arg(long, value_enum, default_value_t = IkMode::Auto)]
+    pub ik: IkMode,
+    /// Bones that stay in their rest place, separated by commas; without it, the root. BONE:turning may rotate,
+    /// BONE:upright may move up and down: LeftFoot,RightFoot,Hips:upright lets a puppet on a stand squat,
+    /// LeftHand:turning lets it hang
+    #[arg(long, value_name = "BONE", value_delimiter = ',')]
+    pub pin: Vec<String>,
+    /// How a bone without a joint turns against its parent, separated by commas: BONE:stiff=0.5 resists (10 hardly
+    /// bends), BONE:swing=40:twist=-60..60 limits how far it bends in any direction and twists, in degrees
+    #[arg(long, value_name = "BONE:WHAT=N", value_delimiter = ',')]
+    pub prefer: Vec<String>,
+}
+
+impl IkArgs {
+    /// Inverse kinematics for a character, if chosen and possible.
+    pub fn for_character(&self, character: &LoadedCharacter) -> Result<Option<InverseKinematics>, Failure> {
+        if self.ik == IkMode::Off {
+            let needless =
+                [("--pin", &self.pin), ("--prefer", &self.prefer)].into_iter().find(|(_, words)| !words.is_empty());
+            return match needless {
+                Some((option, _)) => {
+                    Err(Failure::usage(format!("{option} needs inverse kinematics"), "leave out --ik off"))
+                }
+                None => Ok(None),
+            };
+        }
+        let Some(bound) = character.character() else {
+            let wanted = self.ik == IkMode::On || !self.pin.is_empty() || !self.prefer.is_empty();
+            let what = format!("{} has no mesh, and inverse kinematics follows the shape", character.name);
+            return if wanted {
+                Err(Failure::usage(what, "choose a character with a mesh, such as human"))
+            } else {
+                Ok(None)
+            };
+        };
+        let pins: Vec<PinnedBone> =
+            self.pin.iter().map(|text| text.parse().unwrap_or_else(|never: Infallible| match never {})).collect();
+        let preferred: Result<Vec<PreferredBone>, _> = self.prefer.iter().map(|text| text.parse()).collect();
+        let preferred = preferred.map_err(|e: UnknownPreference| Failure::usage(e.to_string(), ""))?;
+        let made = InverseKinematics::new(bound, &pins).and_then(|mut ik| {
+            ik.prefer_all(&preferred)?;
+            Ok(ik)
+        });
+        made.map(Some).map_err(|e| {
+            let names: Vec<&str> = character.skeleton.bones().iter().map(|bone| bone.name.as_str()).collect();
+            Failure::usage(format!("{}: {e}", character.name), format!("its bones are {}", names.join(", ")))
+        })
+    }
+}
+
+/// How many bones have each role.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RoleCounts {
+    /// Driven by joints.
+    pub driven: usize,
+    /// Solved by inverse kinematics.
+    pub solved: usize,
+    /// Held in place.
+    pub held: usize,
+    /// Following their parents.
+    pub following: usize,
+}
+
+impl RoleCounts {
+    /// Counts.
+    pub fn of(roles: &[BoneRole]) -> Self {
+        let count = |wanted: BoneRole| roles.iter().filter(|role| **role == wanted).count();
+        Self {
+            driven: count(BoneRole::Driven),
+            solved: count(BoneRole::Solved),
+            held: count(BoneRole::Held),
+            following: count(BoneRole::Follows),
+        }
+    }
+}
+
+impl std::fmt::Display for RoleCounts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { driven, solved, held, following } = self;
+        write!(
+            f,
+            "{driven} bones driven by joints, {solved} solved by inverse kinematics, {held} held, {following} following their parents"
+        )
+    }
+}

@@ -1,0 +1,52 @@
+//! Which bone is which, as far as a skeleton's names and shape say.
+
+use armature_rig::{Evidence, Figure, Skeleton, recognise};
+use serde_json::{Value, json};
+
+use super::Findings;
+use crate::terminal::counted;
+
+/// Less sure bones are listed one by one.
+const SURE: f32 = 0.9;
+
+/// A line for the whole figure and one for the bones to look at; nothing for what is no figure.
+pub(super) fn recognised(skeleton: &Skeleton) -> Findings {
+    let recognition = recognise(skeleton);
+    let found: Vec<_> = skeleton.bones().iter().zip(&recognition.bones).filter_map(|(b, f)| Some((b, (*f)?))).collect();
+    let value = json!({
+        "figure": recognition.figure.to_string(),
+        "bones": found.iter().map(|(bone, found)| json!({
+            "name": bone.name, "is": found.bone.to_string(), "by": by(found.evidence),
+            "confidence": (f64::from(found.confidence) * 100.0).round() / 100.0,
+        })).collect::<Vec<Value>>(),
+    });
+    if found.is_empty() {
+        return (Vec::new(), value);
+    }
+    let figure = match recognition.figure {
+        Figure::Human => "a human",
+        Figure::Quadruped => "a quadruped",
+        Figure::Hand => "a hand",
+        Figure::Other => "part of a figure",
+    };
+    let bones = counted(skeleton.len(), "bone", "bones");
+    let mut words = vec![format!("recognised: {figure}, {} of {bones}", found.len())];
+    let list = |is_sure: bool| -> Vec<String> {
+        let wanted = found.iter().filter(|(_, found)| (found.confidence >= SURE) == is_sure);
+        wanted.map(|(bone, found)| format!("{} = {}", bone.name, found.bone)).collect()
+    };
+    for (what, bones) in [("by name", list(true)), ("by place or shape, please check", list(false))] {
+        if !bones.is_empty() {
+            words.push(format!("{what}: {}", bones.join(", ")));
+        }
+    }
+    (words, value)
+}
+
+fn by(evidence: Evidence) -> &'static str {
+    match evidence {
+        Evidence::Name => "name",
+        Evidence::NameAndPlace => "name and place",
+        Evidence::Shape => "shape",
+    }
+}

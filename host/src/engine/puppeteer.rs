@@ -1,0 +1,508 @@
+//! From a puppet's samples to a posed and skinned character: the pose-time heart of the program, pure.
+//!
+//! It reads no clock and no port: the [`pipeline`](super::pipeline) hands it the topology and the samples. Same calls,
+//! same poses, same take.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use armature_character::Progress;
+use armature_character::inverse_kinematics::{BoneRole, InverseKinematics};
+use armature_rig::{
+    BoneStatus, Calibration, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion, PuppetHints, RawSample,
+    SensorCalibration, SensorState, SolveError, StreamSolver, ZeroReport,
+};
+use armature_take::InverseKinematicsHeader;
+use glam::{Affine3A, Quat};
+
+use crate::characters::LoadedCharacter;
+use crate::characters::inverse_kinematics::IkArgs;
+use crate::failure::Failure;
+
+/// When the rest pose is taken. A part that is plugged in later and was never zeroed is zeroed by itself, unless the
+/// policy is [`OnRequest`](Self::OnRequest).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ZeroPolicy {
+    /// From the first good sample, whatever is known already.
+    AtStart,
+    /// From the first good sample if a joint of the puppet was never zeroed.
+    WhenUnknown,
+    /// Only when asked.
+    OnRequest,
+}
+
+/// What the next good sample is to zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum ZeroWish {
+    Nothing,
+    /// Parts that were plugged in just now and never zeroed; the others may be in the middle of a motion.
+    NewParts,
+    Everything,
+}
+
+/// A part that is plugged in again takes this long to bring its bone to where it is, and a joint whose readings are back
+/// no longer than this, microseconds of the device's clock.
+pub const ENGAGE_MICROS: u32 = 250_000;
+
+/// After this many samples, a sensor without a good reading no longer delays the zeroing of the others.
+const PATIENCE_SAMPLES: u32 = 50;
+
+/// Inverse kinematics is made for fewer bones than this; for more, preparing it takes long.
+pub const MANY_BONES: usize = 150;
+
+/// Progress that nobody hears.
+pub fn unheard(_: &'static str, _: f64) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+/// What a sample led to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// No topology yet, or a sample of an older topology.
+    Ignored,
+    /// The character has a new pose.
+    Posed {
+        /// The rest pose was taken from this sample.
+        zeroed: Option<ZeroReport>,
+    },
+}
+
+/// A character that a puppet moves.
+#[derive(Debug)]
+pub struct Puppeteer {
+    character: Arc<LoadedCharacter>,
+    skin: Option<armature_deform::skin::LinearBlendSkin>,
+    chosen_mapping: Option<Mapping>,
+    /// The last proposal and the puppet it was made for.
+    proposed: Option<(JointTree, Mapping)>,
+    mapping_doubts: Vec<String>,
+    /// What joints without a bone turn, and the puppet for which that was found.
+    carried: Option<(JointTree, Vec<MappingEntry>)>,
+    hints: PuppetHints,
+    replaced: Vec<PartUid>,
+    zero_policy: ZeroPolicy,
+    zero_wish: ZeroWish,
+    waited_samples: u32,
+    solver: StreamSolver,
+    inverse_kinematics: Option<InverseKinematics>,
+    /// What its bones prefer, in the user's words.
+    preferences: Vec<String>,
+    /// A take that began without inverse kinematics goes on without.
+    solves_joints_alone: bool,
+    model_from_bone: Vec<Affine3A>,
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+}
+
+impl Puppeteer {
+    /// A character in its rest pose. `mapping`: as chosen by the user; without one it is proposed for each puppet.
+    pub fn new(
+        character: Arc<LoadedCharacter>,
+        mapping: Option<Mapping>,
+        calibration: Calibration,
+        zero_policy: ZeroPolicy,
+    ) -> Result<Self, Failure> {
+        let skin = character.precompute_skin()?;
+        let model_from_bone = character.skeleton.rest_model_from_bone();
+        let (positions, normals) =
+            character.shape.as_ref().map(|s| (s.positions.clone(), s.normals().to_vec())).unwrap_or_default();
+        let solver = fresh_solver(&character, calibration);
+        Ok(Self {
+            inverse_kinematics: None,
+            preferences: Vec::new(),
+            solves_joints_alone: false,
+            character,
+            skin,
+            chosen_mapping: mapping,
+            proposed: None,
+            mapping_doubts: Vec::new(),
+            carried: None,
+            hints: PuppetHints::default(),
+            replaced: Vec::new(),
+            zero_policy,
+            zero_wish: ZeroWish::Nothing,
+            waited_samples: 0,
+            solver,
+            model_from_bone,
+            positions,
+            normals,
+        })
+    }
+
+    /// With what is known of the puppet besides its tree.
+    #[must_use]
+    pub fn with_hints(self, hints: PuppetHints) -> Self {
+        Self { hints, ..self }
+    }
+
+    /// What is known of the puppet besides its tree; used from the next topology on.
+    pub fn set_hints(&mut self, hints: PuppetHints) {
+        self.hints = hints;
+    }
+
+    /// Lets bones without a joint follow, as chosen.
+    pub fn with_inverse_kinematics(mut self, choice: &IkArgs) -> Result<Self, Failure> {
+        self.inverse_kinematics = choice.for_character(&self.character)?;
+        self.preferences.clone_from(&choice.prefer);
+        self.prepare_inverse_kinematics(&mut unheard);
+        Ok(self)
+    }
+
+    /// The number of bones, if preparing inverse kinematics for them takes long.
+    pub fn many_bones(&self) -> Option<usize> {
+        let count = self.character.skeleton.len();
+        (self.inverse_kinematics.is_some() && count > MANY_BONES).then_some(count)
+    }
+
+    /// Prepares for the bones that the mapping drives before samples come; those would do it too, but late.
+    fn prepare_inverse_kinematics(&mut self, progress: Progress<'_>) {
+        let (Some(ik), Some(mapping)) = (&mut self.inverse_kinematics, self.solver.mapping()) else { return };
+        let mut driven = vec![false; self.character.skeleton.len()];
+        for bone in mapping.entries.iter().filter_map(|entry| self.character.skeleton.find(&entry.bone)) {
+            driven[bone] = true;
+        }
+        if ik.driven() == driven {
+            return;
+        }
+        if let Err(error) = ik.drive(&driven, progress) {
+            tracing::warn!("bones without a joint keep their rest pose: {error}");
+        }
+    }
+
+    /// Takes a puppet as it is plugged together now. Parts that were there before go on without a jump. `progress` hears
+    /// how far preparing inverse kinematics is.
+    pub fn set_topology(&mut self, epoch: u16, tree: JointTree, progress: Progress<'_>) {
+        let mut mapping = match &self.chosen_mapping {
+            Some(mapping) => mapping.clone(),
+            None => self.proposal(&tree),
+        };
+        mapping.carried = self.carried(&tree, &mapping);
+        let mut calibration = self.solver.calibration().clone();
+        self.replaced = calibration.forget_misfits(&tree);
+        let unknown = tree.parts().iter().any(|part| {
+            let sensors = calibration.part(part.uid).unwrap_or_default();
+            sensors.len() != part.kind.axes().len() || sensors.iter().any(|s| s.zero_counts.is_none())
+        });
+        let first = self.solver.topology().is_none();
+        let wish = match self.zero_policy {
+            ZeroPolicy::AtStart if first => ZeroWish::Everything,
+            ZeroPolicy::WhenUnknown if first && unknown => ZeroWish::Everything,
+            ZeroPolicy::AtStart | ZeroPolicy::WhenUnknown if unknown => ZeroWish::NewParts,
+            _ => ZeroWish::Nothing,
+        };
+        self.zero_wish = self.zero_wish.max(wish);
+        self.waited_samples = 0;
+        calibration.add_missing(&tree);
+        self.solver.set_calibration(calibration);
+        self.solver.set_mapping(mapping);
+        self.solver.set_topology(epoch, tree);
+        self.prepare_inverse_kinematics(progress);
+    }
+
+    /// What was proposed for a puppet still holds while parts of it are unplugged, and when they are back: otherwise
+    /// the rest of it would change bones in the middle of a performance.
+    fn proposal(&mut self, tree: &JointTree) -> Mapping {
+        if let Some((_, mapping)) = self.proposed.as_ref().filter(|(whole, _)| is_part_of(tree, whole)) {
+            return mapping.clone();
+        }
+        let proposal = armature_rig::propose_with(tree, &self.character.skeleton, &self.hints);
+        self.proposed = Some((tree.clone(), proposal.mapping.clone()));
+        self.mapping_doubts = proposal.ambiguities;
+        proposal.mapping
+    }
+
+    /// What joints without a bone turn; like a proposal, it holds while parts are unplugged.
+    fn carried(&mut self, tree: &JointTree, mapping: &Mapping) -> Vec<MappingEntry> {
+        if let Some((_, carried)) = self.carried.as_ref().filter(|(whole, _)| is_part_of(tree, whole)) {
+            return carried.clone();
+        }
+        let skeleton = &self.character.skeleton;
+        let mut carried = armature_rig::carried(tree, mapping, &Mapping::default(), skeleton);
+        if !carried.is_empty() {
+            let likely = armature_rig::propose_with(tree, skeleton, &self.hints).mapping;
+            carried = armature_rig::carried(tree, mapping, &likely, skeleton);
+        }
+        self.carried = Some((tree.clone(), carried.clone()));
+        carried
+    }
+
+    /// Parts whose calibration was dropped with the latest topology, since it is that of another kind of part.
+    pub fn replaced_parts(&self) -> &[PartUid] {
+        &self.replaced
+    }
+
+    /// The next good sample becomes the rest pose.
+    pub fn request_zero(&mut self) {
+        self.zero_wish = ZeroWish::Everything;
+        self.waited_samples = 0;
+    }
+
+    /// Counts mean this from the next sample on.
+    pub fn set_calibration(&mut self, calibration: Calibration) {
+        self.solver.set_calibration(calibration);
+    }
+
+    /// The whole puppet was away: with the next sample the character goes over to it without a jump.
+    pub fn engage_all(&mut self) {
+        self.solver.engage(ENGAGE_MICROS, true);
+    }
+
+    /// By how much the filters delay the quickest and the slowest joint now, seconds.
+    pub fn lag_seconds(&self) -> (f64, f64) {
+        self.solver.solver().map_or((0.0, 0.0), armature_rig::PoseSolver::lag_seconds)
+    }
+
+    /// The part nearest to the puppet's root that drives a bone, and how it turns that bone away from the rest pose.
+    pub fn root_turn(&self) -> Option<(PartUid, Quat)> {
+        self.solver.solver().and_then(armature_rig::PoseSolver::root_turn)
+    }
+
+    /// Whether the rest pose is still to be taken.
+    pub fn waits_for_zero(&self) -> bool {
+        self.zero_wish != ZeroWish::Nothing
+    }
+
+    /// Whether the whole puppet has to be in its rest pose for that.
+    pub fn awaits_rest_pose(&self) -> bool {
+        self.zero_wish == ZeroWish::Everything
+    }
+
+    /// Forgets what sensors said before, so that a take that begins now can be solved from its own samples alone.
+    fn forget_past(&mut self) {
+        self.solver.forget_past();
+        if let Some(ik) = &mut self.inverse_kinematics {
+            ik.restart();
+        }
+    }
+
+    /// Another puppet is connected, and this is what is known of its joints: how they are calibrated, and what they are.
+    pub fn expect_puppet(&mut self, calibration: Calibration, hints: PuppetHints) {
+        self.hints = hints;
+        self.solver = fresh_solver(&self.character, calibration);
+        self.forget_past();
+        self.proposed = None;
+        self.carried = None;
+        self.mapping_doubts.clear();
+        self.zero_wish = ZeroWish::Nothing;
+        self.waited_samples = 0;
+    }
+
+    /// A take begins: the past is forgotten, and what the take's header has to say of inverse kinematics is returned.
+    /// Where no bone needs it now, the take does without to its end.
+    pub fn begin_take(&mut self) -> Option<InverseKinematicsHeader> {
+        self.forget_past();
+        let needed = self.inverse_kinematics.as_ref().filter(|ik| ik.is_needed());
+        self.solves_joints_alone = needed.is_none();
+        needed.map(|ik| InverseKinematicsHeader {
+            pins: ik.pins().map(|pin| pin.to_string()).collect(),
+            preferences: self.preferences.clone(),
+        })
+    }
+
+    /// The take has ended.
+    pub fn end_take(&mut self) {
+        self.solves_joints_alone = false;
+    }
+
+    /// Poses and skins the character by one sample.
+    pub fn follow(&mut self, sample: &RawSample) -> Result<Step, Failure> {
+        let fits = self
+            .solver
+            .topology()
+            .is_some_and(|(epoch, tree)| epoch == sample.epoch && tree.sensor_count() == sample.counts.len());
+        if !fits {
+            return Ok(Step::Ignored);
+        }
+        let zeroed = self.zero_if_wanted(sample)?;
+        let ik = self.inverse_kinematics.as_mut().filter(|_| !self.solves_joints_alone);
+        let pose = match self.solver.solve_completed(sample, ik.map(|ik| ik as &mut dyn PoseCompletion)) {
+            Ok(pose) => pose,
+            Err(SolveError::Mapping(error)) => {
+                let remedy = "correct the mapping file, or leave --mapping away to have one proposed";
+                return Err(Failure::input(error.to_string(), remedy));
+            }
+            Err(error) => return Err(Failure::device(error.to_string(), "unplug the puppet and connect again")),
+        };
+        pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
+        if let Some(skin) = &mut self.skin {
+            let skinned = skin.solve(&self.model_from_bone, &mut self.positions, &mut self.normals);
+            skinned.map_err(|e| Failure::not_converged(e.to_string(), "zero the puppet again"))?;
+        }
+        Ok(Step::Posed { zeroed })
+    }
+
+    fn zero_if_wanted(&mut self, sample: &RawSample) -> Result<Option<ZeroReport>, Failure> {
+        let Some((_, tree)) = self.solver.topology().filter(|_| self.waits_for_zero()) else { return Ok(None) };
+        let all_good = sample.states.iter().all(|s| *s == SensorState::Ok);
+        if !all_good && self.waited_samples < PATIENCE_SAMPLES {
+            self.waited_samples += 1;
+            return Ok(None);
+        }
+        let before = self.solver.calibration().clone();
+        let mut calibration = before.clone();
+        let mut report = calibration
+            .zero(tree, sample)
+            .map_err(|e| Failure::input(e.to_string(), "remove the part's entry from the calibration file"))?;
+        if self.zero_wish == ZeroWish::NewParts {
+            let is_known = |sensors: &[SensorCalibration]| sensors.iter().all(|s| s.zero_counts.is_some());
+            for (uid, sensors) in before.parts().filter(|(uid, s)| tree.find(*uid).is_some() && is_known(s)) {
+                let skipped = report.skipped.len();
+                report.skipped.retain(|s| s.part != uid);
+                report.zeroed -= sensors.len() - (skipped - report.skipped.len());
+                calibration.set_part(uid, sensors.to_vec());
+            }
+        }
+        self.solver.set_calibration(calibration);
+        self.zero_wish = ZeroWish::Nothing;
+        Ok(Some(report))
+    }
+
+    /// The character.
+    pub fn character(&self) -> &Arc<LoadedCharacter> {
+        &self.character
+    }
+
+    /// The puppet and the number of its present topology.
+    pub fn topology(&self) -> Option<(u16, &JointTree)> {
+        self.solver.topology()
+    }
+
+    /// The mapping in use.
+    pub fn mapping(&self) -> Option<&Mapping> {
+        self.solver.mapping()
+    }
+
+    /// What a person should look at in the proposed mapping, one sentence each; empty for a chosen one.
+    pub fn mapping_doubts(&self) -> &[String] {
+        &self.mapping_doubts
+    }
+
+    /// The calibration in use.
+    pub fn calibration(&self) -> &Calibration {
+        self.solver.calibration()
+    }
+
+    /// How far each bone can be trusted, in the skeleton's order; empty before the first sample.
+    pub fn bone_status(&self) -> &[BoneStatus] {
+        self.solver.solver().map_or(&[], |solver| solver.bone_status())
+    }
+
+    /// The latest pose.
+    pub fn pose(&self) -> &Pose {
+        self.solver.completed_pose()
+    }
+
+    /// What decides how each bone is turned; `None` where bones without a joint stay at rest.
+    pub fn bone_roles(&self) -> Option<&[BoneRole]> {
+        self.inverse_kinematics.as_ref().filter(|_| !self.solves_joints_alone).map(InverseKinematics::roles)
+    }
+
+    /// `model_from_bone` of the latest pose.
+    pub fn model_from_bone(&self) -> &[Affine3A] {
+        &self.model_from_bone
+    }
+
+    /// The skinned positions and unit normals of the latest pose; empty for a character without a mesh.
+    pub fn skinned(&self) -> (&[[f32; 3]], &[[f32; 3]]) {
+        (&self.positions, &self.normals)
+    }
+}
+
+fn fresh_solver(character: &LoadedCharacter, calibration: Calibration) -> StreamSolver {
+    let mut solver = StreamSolver::new(character.skeleton.clone());
+    solver.set_calibration(calibration);
+    solver.engage(ENGAGE_MICROS, false);
+    solver.return_over(ENGAGE_MICROS);
+    solver
+}
+
+/// Whether every joint of a tree hangs on the same joint in a larger one. Splitters between them do not count: one that
+/// is swapped for another, or plugged together in another order, leaves the joints the bones they had.
+fn is_part_of(tree: &JointTree, whole: &JointTree) -> bool {
+    let joint_above = |tree: &JointTree, part: usize| {
+        let mut above = tree.parts()[part].parent;
+        while let Some(index) = above.filter(|&index| tree.parts()[index].kind.axes().is_empty()) {
+            above = tree.parts()[index].parent;
+        }
+        above.map(|index| tree.parts()[index].uid)
+    };
+    let joints = tree.parts().iter().enumerate().filter(|(_, part)| !part.kind.axes().is_empty());
+    joints.into_iter().all(|(index, part)| {
+        whole.find(part.uid).is_some_and(|same| {
+            whole.parts()[same].kind == part.kind && joint_above(whole, same) == joint_above(tree, index)
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use armature_rig::{Bone, Part, PartKind, Skeleton, Transform};
+    use glam::Vec3;
+
+    use super::*;
+
+    const UID: PartUid = PartUid([3; 12]);
+
+    fn puppeteer(policy: ZeroPolicy, calibration: Calibration) -> Puppeteer {
+        let bone = Bone { name: "arm".into(), parent: None, rest: Transform::IDENTITY, tail: Vec3::Y };
+        let character = LoadedCharacter::bare("arm", "arm", Skeleton::new(vec![bone]).unwrap());
+        let mut puppeteer = Puppeteer::new(Arc::new(character), None, calibration, policy).unwrap();
+        let part = Part { uid: UID, kind: PartKind::Bend, parent: None, outlet: 0, counts_per_turn: 4096 };
+        puppeteer.set_topology(1, JointTree::new(vec![part]).unwrap(), &mut unheard);
+        puppeteer
+    }
+
+    fn sample(counts: u16, state: SensorState) -> RawSample {
+        RawSample { epoch: 1, counts: vec![counts], states: vec![state], ..RawSample::default() }
+    }
+
+    fn angle(puppeteer: &Puppeteer) -> f32 {
+        puppeteer.pose().parent_from_bone[0].rotation.to_axis_angle().1
+    }
+
+    #[test]
+    fn the_first_good_sample_is_the_rest_pose() {
+        let mut puppeteer = puppeteer(ZeroPolicy::WhenUnknown, Calibration::default());
+        let early = puppeteer.follow(&sample(9, SensorState::NoData)).unwrap();
+        assert_eq!(early, Step::Posed { zeroed: None });
+        assert!(puppeteer.waits_for_zero());
+        let Step::Posed { zeroed: Some(report) } = puppeteer.follow(&sample(1000, SensorState::Ok)).unwrap() else {
+            panic!("the first good sample is taken as zero")
+        };
+        assert_eq!(report.zeroed, 1);
+        assert!(angle(&puppeteer).abs() < 1e-6);
+        puppeteer.follow(&sample(1000 + 1024, SensorState::Ok)).unwrap();
+        assert!((angle(&puppeteer) - std::f32::consts::FRAC_PI_2).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_calibrated_joint_is_not_zeroed_again_unless_asked() {
+        let mut first = puppeteer(ZeroPolicy::WhenUnknown, Calibration::default());
+        first.follow(&sample(1000, SensorState::Ok)).unwrap();
+        let known = first.calibration().clone();
+        let mut second = puppeteer(ZeroPolicy::WhenUnknown, known.clone());
+        assert!(!second.waits_for_zero());
+        second.follow(&sample(2024, SensorState::Ok)).unwrap();
+        assert!(angle(&second) > 1.5);
+        second.request_zero();
+        second.follow(&sample(2024, SensorState::Ok)).unwrap();
+        assert!(angle(&second).abs() < 1e-6);
+        assert!(puppeteer(ZeroPolicy::AtStart, known).waits_for_zero());
+    }
+
+    #[test]
+    fn a_sensor_that_never_answers_does_not_hold_up_the_others_for_ever() {
+        let mut puppeteer = puppeteer(ZeroPolicy::AtStart, Calibration::default());
+        for _ in 0..=PATIENCE_SAMPLES {
+            puppeteer.follow(&sample(0, SensorState::NoData)).unwrap();
+        }
+        assert!(!puppeteer.waits_for_zero());
+    }
+
+    #[test]
+    fn samples_of_another_topology_are_ignored() {
+        let mut puppeteer = puppeteer(ZeroPolicy::OnRequest, Calibration::default());
+        let other = RawSample { epoch: 2, ..sample(0, SensorState::Ok) };
+        assert_eq!(puppeteer.follow(&other).unwrap(), Step::Ignored);
+    }
+}

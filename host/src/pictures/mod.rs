@@ -1,0 +1,11 @@
+//! Pictures without a window: a character in a pose, weights on a mesh, a slice through a volume.
+
+mod character;
+mod ink;
+mod scene;
+pub mod slice;
+pub mod text;
+pub mod weights;
+
+pub use character::{Skinned, draw, skin_once, write_picture};
+pub use scene::{DrawnBy, View, draw_mesh, draw_scene};

@@ -1,0 +1,78 @@
+//! Pictures of a scene: on a graphics adapter, or on the CPU if there is none.
+
+use armature_render::{Bounds, Camera, Ground, MeshView, Picture, RenderError, Samples, Scene};
+
+/// Where a character is viewed from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Radians about +Y; 0 looks into the character's face, a quarter turn onto its left side.
+    pub yaw: f32,
+    /// Radians above the horizon.
+    pub pitch: f32,
+    /// Fraction of the fitted distance, which leaves space for turning the character.
+    pub closer: f32,
+    /// Height of the floor (mesh units); `None`: under the character.
+    pub floor: Option<f32>,
+}
+
+impl Default for View {
+    fn default() -> Self {
+        // The fit leaves space for turning a character; a picture does not need it.
+        Self { size: [1280, 960], yaw: 0.55, pitch: 0.13, closer: 0.8, floor: None }
+    }
+}
+
+/// How the picture was made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DrawnBy {
+    /// On this graphics adapter.
+    Adapter(String),
+    /// By the CPU, because there is no adapter or the program was built without graphics; with what to do about it.
+    Cpu(String),
+}
+
+impl std::fmt::Display for DrawnBy {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Adapter(name) => write!(f, "drawn by {name}"),
+            Self::Cpu(reason) => write!(f, "drawn by the CPU: {reason}"),
+        }
+    }
+}
+
+/// Draws a mesh on its floor.
+pub fn draw_mesh(mesh: &MeshView, view: &View) -> Result<(Picture, DrawnBy), RenderError> {
+    let bounds = Bounds::of(mesh.positions).unwrap_or(Bounds { min: glam::Vec3::ZERO, max: glam::Vec3::ONE });
+    let ground = Ground { height: view.floor.unwrap_or(bounds.min.y), ..Ground::under(&bounds) };
+    let scene = Scene { mesh: *mesh, ground, ..Scene::default() };
+    let mut camera = Camera::fit(&bounds, view.size[0] as f32 / view.size[1] as f32);
+    camera.yaw = view.yaw;
+    camera.pitch = view.pitch;
+    camera.distance *= view.closer;
+    draw_scene(&scene, &camera, view.size)
+}
+
+/// Draws a scene on a graphics adapter, or on the CPU if there is none.
+#[cfg(feature = "window")]
+pub fn draw_scene(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Result<(Picture, DrawnBy), RenderError> {
+    match armature_render::Gpu::request() {
+        Ok(gpu) => {
+            let picture = armature_render::render_to_image_gpu(&gpu, scene, camera, size, Samples::Four)?;
+            Ok((picture, DrawnBy::Adapter(gpu.label())))
+        }
+        Err(error @ (RenderError::NoAdapter { .. } | RenderError::NoDevice { .. })) => {
+            let picture = armature_render::render_to_image_cpu(scene, camera, size, Samples::Four)?;
+            Ok((picture, DrawnBy::Cpu(error.to_string())))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// Draws a scene on the CPU: this program was built without graphics.
+#[cfg(not(feature = "window"))]
+pub fn draw_scene(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Result<(Picture, DrawnBy), RenderError> {
+    let picture = armature_render::render_to_image_cpu(scene, camera, size, Samples::Four)?;
+    Ok((picture, DrawnBy::Cpu("this program was built without graphics".into())))
+}

@@ -1,0 +1,83 @@
+//! Edit lists on disk: a text file beside the takes it speaks of.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+use armature_rig::PoseCompletion;
+use armature_take::{EditError, EditList, Edited, Take, apply_edits};
+
+use crate::characters;
+use crate::failure::Failure;
+use crate::files;
+use crate::takes::completion;
+use crate::terminal::aside;
+
+/// The extension of an edit list.
+pub const EXTENSION: &str = "edit";
+
+/// A take and what its edits make of it.
+#[derive(Debug)]
+pub struct EditedTake {
+    /// The take as it was recorded.
+    pub take: Take,
+    /// The take after its edits.
+    pub edited: Edited,
+}
+
+/// Whether a file is an edit list by its name.
+pub fn is_list(path: &Path) -> bool {
+    files::extension_of(path) == EXTENSION
+}
+
+/// Reads an edit list.
+pub fn read(path: &Path) -> Result<EditList, Failure> {
+    let bytes = files::read(path)?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        Failure::input(format!("{}, byte {at}: this is not UTF-8 text", path.display()), "choose an edit list")
+    })?;
+    EditList::read(&text).map_err(|error| Failure::input(format!("{}, {error}", path.display()), ""))
+}
+
+/// Applies a list that lies at this path. `character`: which one, if the take's own is not to be looked for.
+pub fn apply(
+    path: &Path,
+    list: &EditList,
+    character: Option<&str>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<EditedTake, Failure> {
+    let resolve = files::neighbours(path);
+    let read = |name: &str| -> Result<Take, String> {
+        let (take, report) = Take::read(&resolve(name)?).map_err(|error| error.to_string())?;
+        report.problems.iter().for_each(|problem| aside!("note: {name}: {problem}"));
+        Ok(take)
+    };
+    let failed = |what: String, remedy: &str| Failure::input(format!("{}: {what}", path.display()), remedy);
+    let take = read(&list.take).map_err(|why| {
+        failed(
+            format!("its take {:?}: {why}", list.take),
+            "an edit list lies in the folder of its takes; put them there",
+        )
+    })?;
+    let mut completion = if take.header().inverse_kinematics.is_some() {
+        let beside = path.with_file_name(&list.take);
+        let found = match character {
+            Some(source) => characters::find(source, progress)?,
+            None => characters::find_for_take(&beside, &take.header().character_name, progress)?,
+        };
+        completion(&take, &found.character)?
+    } else {
+        None
+    };
+    let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
+    let other = |name: &str| read(name).map(Arc::new).map_err(|why| format!("{name:?}: {why}"));
+    let edited = apply_edits(list, &take, &other, completion, progress).map_err(|error| {
+        let remedy = match &error {
+            EditError::Take { .. } => "an edit list lies in the folder of its takes; put them there",
+            _ => "",
+        };
+        failed(error.to_string(), remedy)
+    })?;
+    Ok(EditedTake { take, edited })
+}

@@ -1,0 +1,55 @@
+//! Takes on disk, and as files for other programs.
+
+pub mod edits;
+pub mod exports;
+pub mod receipt;
+
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use armature_character::inverse_kinematics::InverseKinematics;
+use armature_take::{ReadReport, Take};
+
+use crate::characters::LoadedCharacter;
+use crate::characters::inverse_kinematics::{IkArgs, IkMode};
+use crate::failure::Failure;
+use crate::files::{self, GrowingFile, Overwrite};
+use crate::terminal::aside;
+
+/// Reads a take; damaged and missing parts are in the report.
+pub fn read(path: &Path) -> Result<(Take, ReadReport), Failure> {
+    Take::read(&files::read(path)?).map_err(|e| Failure::input(format!("{}: {e}", path.display()), ""))
+}
+
+/// Reads a take and reports what is missing from it.
+pub fn read_and_tell(path: &Path) -> Result<Take, Failure> {
+    let (take, report) = read(path)?;
+    for problem in &report.problems {
+        aside!("note: {}: {problem}", path.display());
+    }
+    Ok(take)
+}
+
+/// What turned bones without a joint while a take was recorded, rebuilt from its character; `None` if nothing did.
+pub fn completion(take: &Take, character: &LoadedCharacter) -> Result<Option<InverseKinematics>, Failure> {
+    let Some(header) = &take.header().inverse_kinematics else { return Ok(None) };
+    if take.header().character_hash != character.content_hash() {
+        let what = format!(
+            "the take was recorded with inverse kinematics on another {} than this one, so its poses cannot be solved again",
+            character.name
+        );
+        return Err(Failure::usage(what, "give the exact character it was recorded with by --character"));
+    }
+    IkArgs { ik: IkMode::On, pin: header.pins.clone(), prefer: header.preferences.clone() }.for_character(character)
+}
+
+/// Opens a file for a new take. One that is to be replaced stays until the new one is complete.
+pub fn create(path: &Path, overwrite: Overwrite) -> Result<BufWriter<GrowingFile>, Failure> {
+    overwrite.create(path).map(BufWriter::new)
+}
+
+/// The first of `NAME.take`, `NAME-2.take`, … that does not exist yet.
+pub fn free_name(folder: &Path, name: &str) -> PathBuf {
+    let candidate = |n: u32| folder.join(if n < 2 { format!("{name}.take") } else { format!("{name}-{n}.take") });
+    (1..u32::MAX).map(candidate).find(|path| !path.exists()).unwrap_or_else(|| candidate(0))
+}

@@ -1,0 +1,16 @@
+//! What the puppet does: rest, a procedural motion, or a track; with the feature `serve` also motion files
+//! (`puppet_from_motion`, `retarget`).
+
+#[cfg(feature = "serve")]
+mod file;
+mod play;
+mod procedural;
+#[cfg(feature = "serve")]
+mod retarget;
+
+#[cfg(feature = "serve")]
+pub use file::{MotionFileError, puppet_from_motion};
+pub(crate) use play::Player;
+pub use play::{JointTrack, Motion, TrackEnd, sweep_stops};
+#[cfg(feature = "serve")]
+pub use retarget::{Retargeted, retarget};
