@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use common::Place;
 
 /// Long enough for a loaded machine to make a character and connect to a puppet.
-const PATIENCE: Duration = Duration::from_mins(1);
+const PATIENCE: Duration = Duration::from_mins(2);
 /// Two flushes of a take.
 const SOME_BYTES: u64 = 60_000;
 

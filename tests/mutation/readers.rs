@@ -17,7 +17,7 @@ use crate::damage::Damaged;
 use crate::samples::Companions;
 
 /// A reader that works on a small file for this long hangs.
-const LIMIT: Duration = Duration::from_secs(30);
+const LIMIT: Duration = Duration::from_mins(2);
 
 /// Reads a file by its name, and writes again what can be written, as the program would. `companions` are the files it
 /// may refer to.

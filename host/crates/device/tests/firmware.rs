@@ -108,7 +108,7 @@ async fn the_reference_firmware_is_a_puppet() {
     let mut blinked = false;
     let (mut first, mut last) = (None, 0);
     while samples < 6_000 {
-        let event = tokio::time::timeout(Duration::from_secs(30), connection.next()).await.expect("an event in time");
+        let event = tokio::time::timeout(Duration::from_mins(2), connection.next()).await.expect("an event in time");
         match event.expect("the connection stands") {
             Event::Connected(info) => assert_eq!((info.name.as_str(), info.protocol), ("Reference firmware", [1, 0])),
             Event::Topology(topology) => {

@@ -16,7 +16,7 @@ use tokio::runtime::Handle;
 /// The next event that says something about the device.
 async fn next(connection: &mut Connection) -> Event {
     loop {
-        let event = tokio::time::timeout(Duration::from_secs(20), connection.next()).await.expect("an event in time");
+        let event = tokio::time::timeout(Duration::from_mins(2), connection.next()).await.expect("an event in time");
         match event.expect("the connection is open") {
             // On a busy machine the device may take a second to answer.
             Event::Clock(_) | Event::Notice(DeviceNotice::WaitsForStart) => {}
@@ -120,7 +120,7 @@ async fn an_unplugged_device_ends_the_connection() {
     device.unplug();
     let mut last = None;
     while let Some(event) =
-        tokio::time::timeout(Duration::from_secs(20), connection.next()).await.expect("the connection ends")
+        tokio::time::timeout(Duration::from_mins(2), connection.next()).await.expect("the connection ends")
     {
         last = Some(event);
     }
@@ -158,7 +158,7 @@ async fn a_closed_connection_does_not_wait_for_events_nobody_takes() {
     while connection.counters().samples < 4_000 {
         tokio::task::yield_now().await;
     }
-    let closed = tokio::time::timeout(Duration::from_secs(20), connection.close()).await;
+    let closed = tokio::time::timeout(Duration::from_mins(2), connection.close()).await;
     assert!(closed.is_ok_and(|counters| counters.samples >= 4_000));
     device.unplug();
 }

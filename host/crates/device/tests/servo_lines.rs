@@ -39,7 +39,7 @@ impl Arm {
 }
 
 async fn next(connection: &mut Connection) -> Event {
-    let event = tokio::time::timeout(Duration::from_secs(30), connection.next()).await.expect("an event in time");
+    let event = tokio::time::timeout(Duration::from_mins(2), connection.next()).await.expect("an event in time");
     event.expect("the connection is open")
 }
 
