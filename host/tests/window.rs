@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
+use armature::app::controls::Controls;
 use armature::app::{Start, Window};
 use armature::engine::command::{CharacterChoice, Command};
 use armature::engine::event::{EngineEvent, FoundDevice, Problem};
@@ -54,8 +55,13 @@ impl Stage {
     }
 
     fn press(&mut self, key: Key) {
-        self.harness.key_press(key);
-        self.harness.run_steps(2);
+        self.press_with(Modifiers::NONE, key);
+    }
+
+    fn press_with(&mut self, modifiers: Modifiers, key: Key) {
+        self.harness.key_press_modifiers(modifiers, key);
+        // A panel that appears needs a few frames to find its size.
+        self.harness.run_steps(4);
     }
 
     fn click_at(&mut self, pos: Pos2) {
@@ -73,7 +79,7 @@ impl Stage {
     }
 
     fn sees(&self, text: &str) -> bool {
-        self.harness.query_by_label_contains(text).is_some()
+        self.harness.query_all_by_label_contains(text).next().is_some()
     }
 
     fn snapshot(&mut self, name: &str) {
@@ -112,7 +118,7 @@ fn an_empty_window_teaches_what_to_do() {
     assert!(stage.sees("Making the human"));
     stage.snapshot("1-empty");
     stage.tell([EngineEvent::CharacterLoaded(Arc::new(puppets::character()))]);
-    assert!(stage.sees("Press Space to start a simulated one"));
+    assert!(stage.sees("plug a puppet in and choose its port."));
     stage.snapshot("2-character");
 }
 
@@ -135,9 +141,9 @@ fn presets_addresses_and_ports_connect() {
     assert_eq!(stage.commands(), [Command::Connect("serial:/dev/ttyACM0".into())]);
     stage.tell([EngineEvent::Disconnected { problem: None }]);
     stage.click("Refresh");
-    stage.press(Key::Space);
-    let space = Command::Connect("serial:/dev/ttyACM0".into());
-    assert_eq!(stage.commands(), [Command::ListDevices, space], "Space connects to the last address");
+    stage.press_with(Modifiers::COMMAND, Key::K);
+    let again = Command::Connect("serial:/dev/ttyACM0".into());
+    assert_eq!(stage.commands(), [Command::ListDevices, again], "to the last address");
 }
 
 #[test]
@@ -149,12 +155,14 @@ fn zero_and_record_by_click_and_by_key() {
     stage.click("Record");
     assert_eq!(stage.commands(), [Command::StartRecording]);
     stage.tell([EngineEvent::Recording { seconds: 12.44, samples: 4976 }]);
-    stage.press(Key::Z);
-    stage.press(Key::Space);
-    assert_eq!(stage.commands(), [], "no key re-zeroes or disconnects in the middle of a take");
+    for key in [Key::Z, Key::Space, Key::R, Key::Escape, Key::Backspace] {
+        stage.press(key);
+    }
+    stage.click("Disconnect");
+    assert_eq!(stage.commands(), [], "no key re-zeroes, disconnects or stops in the middle of a take");
     stage.snapshot("4-recording");
     stage.click("Stop");
-    stage.press(Key::R);
+    stage.press_with(Modifiers::SHIFT, Key::R);
     assert_eq!(stage.commands(), [Command::StopRecording, Command::StopRecording]);
     let path = "/home/kim/Armature/2026-03-01 walk.take".into();
     stage.tell([EngineEvent::Saved { path, seconds: 12.5, samples: 5000, lost: 0 }]);
@@ -197,15 +205,65 @@ fn shortcuts_work_after_tab_and_ignore_a_held_key() {
     let mut stage = connected();
     // Some button gets the keyboard focus.
     stage.press(Key::Tab);
-    stage.press(Key::R);
-    assert_eq!(stage.commands(), [Command::StartRecording]);
-    stage.tell([EngineEvent::Recording { seconds: 0.1, samples: 20 }]);
-    for repeat in [true, true, false] {
+    for repeat in [false, true, true] {
         let modifiers = Modifiers::NONE;
         stage.harness.event(Event::Key { key: Key::R, physical_key: None, pressed: true, repeat, modifiers });
         stage.harness.run_steps(2);
     }
-    assert_eq!(stage.commands(), [Command::StopRecording], "only the press counts, not its repetitions");
+    assert_eq!(stage.commands(), [Command::StartRecording], "only the press counts, not its repetitions");
+}
+
+#[test]
+fn a_command_is_found_by_typing() {
+    let mut stage = connected();
+    stage.press_with(Modifiers::COMMAND, Key::P);
+    assert!(stage.sees("Find a command"));
+    stage.harness.event(Event::Text("calib sweep".into()));
+    stage.harness.run_steps(4);
+    stage.snapshot("11-palette");
+    stage.press(Key::Enter);
+    assert_eq!(stage.commands(), [Command::Calibrate(CalibrationStep::Sweep)]);
+    assert!(!stage.sees("Find a command"), "it has done its work");
+    stage.press_with(Modifiers::COMMAND, Key::P);
+    stage.harness.event(Event::Text("r".into()));
+    stage.press(Key::R);
+    assert_eq!(stage.commands(), [], "a field for text keeps its keys");
+    stage.press(Key::Escape);
+    assert!(!stage.sees("Find a command"));
+}
+
+#[test]
+fn one_sheet_has_all_keys() {
+    let mut stage = connected();
+    stage.press(Key::F1);
+    for text in ["Keys and mouse", "F1 or ?", "Shift+R", "Ctrl+P"] {
+        assert!(stage.sees(text), "{text}");
+    }
+    stage.snapshot("12-keys");
+    stage.press(Key::Escape);
+    assert!(!stage.sees("Shift+R"));
+}
+
+#[test]
+fn menus_hold_every_command_and_follow_other_programs() {
+    let mut stage = connected();
+    stage.click("View");
+    stage.snapshot("13-menu");
+    stage.click("Mouse and keys as in Blender");
+    assert!(stage.harness.state().state().controls == Controls::Blender);
+    stage.click("Take");
+    stage.harness.get_all_by_label_contains("Record").last().expect("an entry").click();
+    stage.harness.run_steps(4);
+    assert_eq!(stage.commands(), [Command::StartRecording]);
+}
+
+#[test]
+fn what_is_not_possible_says_why() {
+    let mut stage = Stage::open(Start::default());
+    stage.commands();
+    stage.press(Key::R);
+    assert!(stage.sees("Connect a puppet first"));
+    assert_eq!(stage.commands(), []);
 }
 
 #[test]

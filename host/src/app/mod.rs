@@ -1,5 +1,8 @@
-//! The window: a pure state ([`state`]) and a view of it. Its interface to the engine is in [`crate::engine`].
+//! The window: a pure state ([`state`]), what is asked of it ([`action`], all of it in one table), and a view of it. Its interface to the engine is in [`crate::engine`].
 
+pub mod action;
+mod commands;
+pub mod controls;
 mod paint;
 pub mod state;
 mod theme;

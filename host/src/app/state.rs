@@ -5,51 +5,15 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use armature_rig::{CalibrationStep, JointAxis, JointTree, PartKind, PartUid, Progress, SensorState};
+use armature_rig::{CalibrationStep, JointAxis, JointTree, PartKind, Progress, SensorState};
 
+use super::controls::Controls;
 use crate::characters::LoadedCharacter;
-use crate::engine::command::{CharacterChoice, Command};
+use crate::engine::command::CharacterChoice;
 use crate::engine::event::{EngineEvent, FoundDevice, Frame, Problem};
 
 /// Most problems shown at once; older ones are dropped.
 const NOTICES_SHOWN: usize = 3;
-
-/// What the user at the window asks for.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Action {
-    /// Connect to the address.
-    Connect(String),
-    /// Disconnect, or stop trying to connect.
-    Disconnect,
-    /// Connect to the address in the field, unless already connected.
-    ConnectToField,
-    /// Look for serial ports.
-    ListDevices,
-    /// Take zero.
-    Zero,
-    /// Start or stop a take.
-    ToggleRecording,
-    /// Show another character.
-    Load(CharacterChoice),
-    /// Let a part blink.
-    Blink(PartUid),
-    /// Select a part, or none.
-    Select(Option<usize>),
-    /// Show or hide the bones.
-    ToggleBones,
-    /// Cancel the work in progress.
-    Cancel,
-    /// Show a problem of the window itself.
-    Report(Problem),
-    /// Close a problem's card.
-    DismissNotice(usize),
-    /// Close the card of the last take.
-    DismissSaved,
-    /// Start a calibration step.
-    Calibrate(CalibrationStep),
-    /// Close the card of the last zero.
-    DismissZeroed,
-}
 
 /// Whether a puppet is connected.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -108,6 +72,24 @@ pub struct Zeroed {
     pub unreadable: usize,
 }
 
+/// What can lie over the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Overlay {
+    /// A field to find commands in.
+    Palette,
+    /// All shortcuts.
+    Shortcuts,
+}
+
+/// What only the view can do; it takes them when it is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wishes {
+    /// Show the whole character.
+    pub frame_all: bool,
+    /// Ask for a file with a character.
+    pub open_character: bool,
+}
+
 /// One line of the joint list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PartRow {
@@ -158,6 +140,14 @@ pub struct State {
     pub selected: Option<usize>,
     /// Whether bones are drawn.
     pub show_bones: bool,
+    /// Whose habits mouse and keys follow.
+    pub controls: Controls,
+    /// What lies over the window.
+    pub overlay: Option<Overlay>,
+    /// Why the last thing asked for could not be done.
+    pub explanation: Option<&'static str>,
+    /// What the view is asked for.
+    pub wishes: Wishes,
     /// Whether the pose belongs to the puppet connected now, not to an earlier one.
     posed: bool,
     line_broken: bool,
@@ -186,6 +176,10 @@ impl Default for State {
             notices: Vec::new(),
             selected: None,
             show_bones: true,
+            controls: Controls::default(),
+            overlay: None,
+            explanation: None,
+            wishes: Wishes::default(),
             posed: false,
             line_broken: false,
             zeros: 0,
@@ -278,59 +272,16 @@ impl State {
         None
     }
 
-    /// Does as much of an action as the window can, and returns what the engine must do.
-    pub fn act(&mut self, action: Action) -> Option<Command> {
-        match action {
-            Action::Connect(address) => {
-                let address = address.trim().to_owned();
-                if address.is_empty() {
-                    return None;
-                }
-                self.address.clone_from(&address);
-                self.connection = Connection::Connecting { address: address.clone() };
-                self.notices.retain(|notice| !notice.about_connection);
-                Some(Command::Connect(address))
-            }
-            Action::ConnectToField if self.connection == Connection::Off => {
-                self.act(Action::Connect(self.address.clone()))
-            }
-            // A held-down key must not end a performance.
-            Action::ConnectToField => None,
-            Action::Disconnect => (self.connection != Connection::Off).then_some(Command::Disconnect),
-            Action::ListDevices => Some(Command::ListDevices),
-            Action::Zero => self.can_calibrate().then_some(Command::Zero),
-            Action::Calibrate(step) => self.can_calibrate().then_some(Command::Calibrate(step)),
-            Action::ToggleRecording if self.recording.is_some() => Some(Command::StopRecording),
-            Action::ToggleRecording => self.is_live().then_some(Command::StartRecording),
-            Action::Load(choice) => Some(Command::LoadCharacter(choice)),
-            Action::Blink(uid) => self.is_live().then_some(Command::Blink(uid)),
-            Action::Cancel => self.busy.is_some().then_some(Command::Cancel),
-            Action::Select(part) => {
-                self.selected = part;
-                None
-            }
-            Action::ToggleBones => {
-                self.show_bones = !self.show_bones;
-                None
-            }
-            Action::Report(problem) => {
-                self.note(problem, false);
-                None
-            }
-            Action::DismissNotice(index) => {
-                if index < self.notices.len() {
-                    self.notices.remove(index);
-                }
-                None
-            }
-            Action::DismissZeroed => {
-                self.zeroed = None;
-                None
-            }
-            Action::DismissSaved => {
-                self.saved = None;
-                None
-            }
+    /// A connection to this address is being made.
+    pub(super) fn is_connecting_to(&mut self, address: String) {
+        self.connection = Connection::Connecting { address };
+        self.notices.retain(|notice| !notice.about_connection);
+    }
+
+    /// Closes a problem's card.
+    pub(super) fn dismiss_notice(&mut self, index: usize) {
+        if index < self.notices.len() {
+            self.notices.remove(index);
         }
     }
 
@@ -354,11 +305,6 @@ impl State {
     /// Whether the line is broken and expected back.
     pub fn is_line_broken(&self) -> bool {
         matches!(self.connection, Connection::On { .. }) && self.line_broken
-    }
-
-    /// Whether zero and the other calibration steps are possible: never in the middle of a take.
-    pub fn can_calibrate(&self) -> bool {
-        self.is_live() && self.recording.is_none()
     }
 
     /// Whether this is the character on screen.
@@ -438,7 +384,8 @@ impl State {
         self.zeroed = None;
     }
 
-    fn note(&mut self, problem: Problem, about_connection: bool) {
+    /// Shows a problem. `about_connection`: until the next one is tried.
+    pub(super) fn note(&mut self, problem: Problem, about_connection: bool) {
         if let Some(index) = self.notices.iter().position(|notice| notice.problem == problem) {
             let mut notice = self.notices.remove(index);
             notice.count += 1;
@@ -521,7 +468,3 @@ fn rows(tree: &JointTree) -> Vec<PartRow> {
     }
     rows
 }
-
-#[cfg(test)]
-#[path = "state_tests.rs"]
-mod tests;

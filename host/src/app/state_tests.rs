@@ -1,7 +1,11 @@
-use armature_rig::{Bone, CalibrationStep, Part, Skeleton, Transform};
+use std::sync::Arc;
+
+use armature_rig::{Bone, JointTree, Part, PartKind, Progress, SensorState, Skeleton, Transform};
 
 use super::*;
-use crate::engine::event::Stats;
+use crate::app::state::Zeroed;
+use crate::characters::LoadedCharacter;
+use crate::engine::event::{EngineEvent, Frame, Stats};
 
 fn part(number: u8, kind: PartKind, parent: Option<usize>, outlet: u8) -> Part {
     Part { uid: PartUid([number; 12]), kind, parent, outlet, counts_per_turn: 4096 }
@@ -56,12 +60,13 @@ fn readings_are_never_an_angle_without_data() {
 fn zero_and_record_need_a_live_puppet() {
     let mut state = State::default();
     assert_eq!(state.act(Action::Zero), None);
-    assert_eq!(state.act(Action::ToggleRecording), None);
+    assert_eq!(state.act(Action::Record), None);
     let mut state = connected();
     assert_eq!(state.act(Action::Zero), Some(Command::Zero));
-    assert_eq!(state.act(Action::ToggleRecording), Some(Command::StartRecording));
+    assert_eq!(state.act(Action::Record), Some(Command::StartRecording));
     state.update_state(EngineEvent::Recording { seconds: 0.0, samples: 0 });
-    assert_eq!(state.act(Action::ToggleRecording), Some(Command::StopRecording));
+    assert_eq!(state.act(Action::Disconnect), None, "a take is being recorded");
+    assert_eq!(state.act(Action::StopRecording), Some(Command::StopRecording));
     state.update_state(EngineEvent::Saved { path: "a.take".into(), seconds: 2.0, samples: 800, lost: 0 });
     assert_eq!((state.recording, state.saved.as_ref().map(|s| s.samples)), (None, Some(800)));
 }
@@ -86,8 +91,9 @@ fn a_calibration_step_is_told_and_can_be_given_up() {
 }
 
 #[test]
-fn space_connects_and_never_disconnects() {
-    let mut state = State { address: "  sim:spider ".into(), ..State::default() };
+fn connecting_by_key_never_disconnects() {
+    let mut state = State::default();
+    state.address = "  sim:spider ".into();
     assert_eq!(state.act(Action::ConnectToField), Some(Command::Connect("sim:spider".into())));
     assert_eq!(state.connection, Connection::Connecting { address: "sim:spider".into() });
     assert_eq!(state.act(Action::ConnectToField), None);
@@ -101,10 +107,10 @@ fn space_connects_and_never_disconnects() {
 #[test]
 fn nothing_is_live_while_the_line_is_broken() {
     let mut state = connected();
-    assert!(state.is_live() && state.can_calibrate());
+    assert!(state.is_live() && state.can_calibrate().is_ok());
     state.update_state(EngineEvent::LineBroken);
-    assert!(state.is_line_broken() && !state.is_live() && !state.can_calibrate());
-    assert_eq!(state.act(Action::ToggleRecording), None);
+    assert!(state.is_line_broken() && !state.is_live() && state.can_calibrate().is_err());
+    assert_eq!(state.act(Action::Record), None);
     state.update_state(EngineEvent::LineRestored);
     assert!(state.is_live() && !state.is_line_broken());
     state.update_state(EngineEvent::LineBroken);

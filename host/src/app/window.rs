@@ -2,7 +2,8 @@
 
 use eframe::{CreationContext, egui};
 
-use super::state::{Action, State};
+use super::action::Action;
+use super::state::State;
 use super::view::View;
 use super::{paint, theme};
 use crate::engine::command::{CharacterChoice, Command};

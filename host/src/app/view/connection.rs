@@ -4,7 +4,8 @@ use armature_sim::Body;
 use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
 
 use super::widgets;
-use crate::app::state::{Action, Connection, State};
+use crate::app::action::Action;
+use crate::app::state::{Connection, State};
 use crate::app::theme;
 use crate::characters::default_for;
 use crate::engine::command::CharacterChoice;
@@ -36,19 +37,25 @@ pub(super) fn card(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
                 ui.horizontal(|ui| {
                     ui.label(format!("Connecting to {address}…"));
                 });
-                cancel(ui, "Give up", actions);
+                close(ui, "Give up", state, actions);
             }
             Connection::On { address, device } => {
                 ui.label(RichText::new(device).strong());
                 widgets::quiet(ui, address.as_str());
-                cancel(ui, "Disconnect", actions);
+                close(ui, "Disconnect", state, actions);
             }
         }
     });
 }
 
-fn cancel(ui: &mut Ui, label: &str, actions: &mut Vec<Action>) {
-    if widgets::wide(ui, egui::Button::new(label), 30.0).on_hover_text("Close the connection").clicked() {
+fn close(ui: &mut Ui, label: &str, state: &State, actions: &mut Vec<Action>) {
+    let possible = state.can_disconnect();
+    let button = ui.add_enabled_ui(possible.is_ok(), |ui| widgets::wide(ui, egui::Button::new(label), 30.0)).inner;
+    let button = match possible {
+        Ok(()) => button.on_hover_text("Close the connection"),
+        Err(why) => button.on_disabled_hover_text(why),
+    };
+    if button.clicked() {
         actions.push(Action::Disconnect);
     }
 }
@@ -84,7 +91,7 @@ fn offer(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
     response.on_hover_text("sim:human · serial:/dev/ttyACM0 · tcp:192.168.0.12:4100");
     let can = !state.address.trim().is_empty();
     let connect = ui.add_enabled_ui(can, |ui| widgets::wide(ui, widgets::primary("Connect"), 34.0)).inner;
-    let connect = connect.on_hover_text("Connect to this address (Space)");
+    let connect = connect.on_hover_text("Connect to this address");
     if can && (connect.clicked() || entered) {
         actions.push(Action::Connect(state.address.clone()));
     }

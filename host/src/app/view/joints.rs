@@ -6,7 +6,8 @@ use eframe::egui::{
 };
 
 use super::widgets;
-use crate::app::state::{Action, Connection, PartRow, State, axis_label, kind_label, state_label};
+use crate::app::action::Action;
+use crate::app::state::{Connection, PartRow, State, axis_label, kind_label, state_label};
 use crate::app::theme;
 use crate::terminal::counted;
 

@@ -5,6 +5,7 @@ mod camera_rig;
 mod connection;
 mod files;
 mod joints;
+mod menus;
 mod notices;
 mod stage;
 mod status;
@@ -12,12 +13,13 @@ mod transport;
 mod viewport;
 mod widgets;
 
-use eframe::egui::{self, Event, Key, Margin, Stroke, Ui};
+use eframe::egui::{self, Margin, Stroke, Ui};
 use eframe::egui_wgpu::RenderState;
 
 use self::files::{Answer, Files};
-use super::state::{Action, State};
-use super::theme;
+use super::action::Action;
+use super::state::State;
+use super::{commands, theme};
 use crate::engine::command::CharacterChoice;
 
 const LEFT_WIDTH: f32 = 336.0;
@@ -27,6 +29,7 @@ const LEFT_WIDTH: f32 = 336.0;
 pub(super) struct View {
     viewport: viewport::Viewport,
     joints: joints::JointList,
+    palette: menus::Palette,
     files: Files,
 }
 
@@ -39,12 +42,20 @@ impl View {
         graphics: Option<&RenderState>,
         adapter: &str,
     ) -> Vec<Action> {
-        let mut actions = shortcuts(ui);
+        let mut actions = commands::pressed(ui.ctx(), state);
+        if std::mem::take(&mut state.wishes.open_character) {
+            self.files.ask(ui.ctx());
+        }
         match self.files.answer(ui.ctx()) {
             Some(Answer::File(path)) => actions.push(Action::Load(CharacterChoice::File(path))),
             Some(Answer::NoDialog) => actions.push(Action::Report(files::no_dialog())),
             None => {}
         }
+        egui::Panel::top("menus")
+            .exact_size(30.0)
+            .resizable(false)
+            .frame(egui::Frame::new().fill(theme::PANEL).inner_margin(Margin::symmetric(10, 2)))
+            .show(ui, |ui| menus::bar(ui, state, &mut actions));
         egui::Panel::bottom("status")
             .exact_size(30.0)
             .resizable(false)
@@ -63,30 +74,8 @@ impl View {
             });
         egui::CentralPanel::no_frame()
             .frame(egui::Frame::new().fill(egui::Color32::from_rgb(24, 27, 32)).stroke(Stroke::NONE))
-            .show(ui, |ui| self.viewport.show(ui, state, graphics, &mut self.files, &mut actions));
+            .show(ui, |ui| self.viewport.show(ui, state, graphics, &mut actions));
+        menus::overlay(ui.ctx(), state, &mut self.palette, &mut actions);
         actions
     }
-}
-
-fn shortcuts(ui: &Ui) -> Vec<Action> {
-    let keys = [
-        (Key::Space, Action::ConnectToField),
-        (Key::Z, Action::Zero),
-        (Key::R, Action::ToggleRecording),
-        (Key::B, Action::ToggleBones),
-        (Key::Escape, Action::Select(None)),
-    ];
-    keys.into_iter().filter(|(key, _)| pressed(ui, *key)).map(|(_, action)| action).collect()
-}
-
-/// Whether a shortcut was pressed: once, without modifiers, and not intended for something else. A text field takes
-/// every key; any other focused widget only the keys that click it.
-fn pressed(ui: &Ui, key: Key) -> bool {
-    let focused = ui.ctx().memory(|memory| memory.focused().is_some());
-    let taken = ui.ctx().text_edit_focused() || focused && matches!(key, Key::Space | Key::Enter);
-    let is_press = |event: &Event| {
-        matches!(event, Event::Key { key: k, pressed: true, repeat: false, modifiers, .. }
-            if *k == key && modifiers.is_none())
-    };
-    !taken && ui.input(|input| input.events.iter().any(is_press))
 }

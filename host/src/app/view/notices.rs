@@ -4,7 +4,8 @@ use armature_rig::CalibrationStep;
 use eframe::egui::{self, Align, Color32, Layout, RichText, Ui};
 
 use super::widgets::{self, clock, grouped, sentence};
-use crate::app::state::{Action, SavedTake, State, Zeroed};
+use crate::app::action::Action;
+use crate::app::state::{SavedTake, State, Zeroed};
 use crate::app::theme;
 
 /// How long a successful zero stays on screen.

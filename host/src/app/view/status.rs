@@ -10,6 +10,10 @@ pub(super) fn show(ui: &mut Ui, state: &State, adapter: &str) {
     ui.horizontal_centered(|ui| {
         ui.spacing_mut().item_spacing.x = 6.0;
         match (&state.connection, &state.frame) {
+            _ if state.explanation.is_some() => {
+                let why = state.explanation.unwrap_or_default();
+                ui.label(RichText::new(why).size(12.0).color(theme::AMBER));
+            }
             (Connection::On { .. }, Some(frame)) if state.is_live() => {
                 let stats = &frame.stats;
                 let alarm = |count: u64| if count == 0 { theme::TEXT } else { theme::AMBER };
@@ -38,11 +42,8 @@ pub(super) fn show(ui: &mut Ui, state: &State, adapter: &str) {
                 );
             }
             _ => {
-                ui.label(
-                    RichText::new("Drag to orbit, wheel to zoom, Shift-drag to pan, F to frame")
-                        .size(12.0)
-                        .color(theme::QUIET),
-                );
+                let how = format!("{}. F1 shows all keys", state.controls.navigation());
+                ui.label(RichText::new(how).size(12.0).color(theme::QUIET));
             }
         }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {

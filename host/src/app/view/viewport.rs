@@ -8,11 +8,13 @@ use eframe::egui_wgpu::RenderState;
 
 use super::camera_rig::CameraRig;
 use super::stage::Stage;
-use super::{Files, notices, transport, widgets};
+use super::{menus, notices, transport, widgets};
+use crate::app::action::Action;
+use crate::app::controls::Drag;
 use crate::app::paint;
-use crate::app::state::{Action, Connection, State};
+use crate::app::state::{Connection, State};
 use crate::app::theme;
-use crate::characters::{OPENABLE, OWN};
+use crate::characters::OWN;
 use crate::engine::command::CharacterChoice;
 
 /// Camera and scene.
@@ -34,9 +36,8 @@ impl Viewport {
     pub(super) fn show(
         &mut self,
         ui: &mut Ui,
-        state: &State,
+        state: &mut State,
         graphics: Option<&RenderState>,
-        files: &mut Files,
         actions: &mut Vec<Action>,
     ) {
         let rect = ui.max_rect();
@@ -48,18 +49,16 @@ impl Viewport {
             self.started = true;
         }
         self.steer(ui, &response, aspect, state, actions);
-        if super::pressed(ui, egui::Key::F) {
+        if std::mem::take(&mut state.wishes.frame_all) {
             self.frame_all(state, aspect);
         }
         if self.rig.glide(ui.input(|input| input.stable_dt)) {
             ui.ctx().request_repaint();
         }
         self.draw(ui, rect, state, graphics);
-        title(ui, rect, state, files, actions);
+        title(ui, rect, state, actions);
         cards(ui, rect, |ui| notices::show(ui, state, actions));
-        if transport::show(ui, rect, state, actions) {
-            self.frame_all(state, aspect);
-        }
+        transport::show(ui, rect, state, actions);
         self.invite(ui, rect, state);
     }
 
@@ -67,11 +66,14 @@ impl Viewport {
         let goal = &mut self.rig.goal;
         let drag = response.drag_delta();
         let drag = glam::Vec2::new(drag.x, drag.y);
-        let shift = ui.input(|input| input.modifiers.shift);
-        if response.dragged_by(PointerButton::Middle) || (shift && response.dragged_by(PointerButton::Primary)) {
-            goal.pan(drag, response.rect.height());
-        } else if response.dragged_by(PointerButton::Primary) || response.dragged_by(PointerButton::Secondary) {
-            goal.orbit(drag);
+        let modifiers = ui.input(|input| input.modifiers);
+        let buttons = [PointerButton::Primary, PointerButton::Middle, PointerButton::Secondary];
+        let dragged = buttons.into_iter().find(|button| response.dragged_by(*button));
+        match dragged.and_then(|button| state.controls.drag(button, modifiers)) {
+            Some(Drag::Orbit) => goal.orbit(drag),
+            Some(Drag::Pan) => goal.pan(drag, response.rect.height()),
+            Some(Drag::Zoom) => goal.zoom((drag.y * 0.01).exp(), self.stage.bounds.radius()),
+            None => {}
         }
         if response.hovered() {
             let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
@@ -113,10 +115,9 @@ impl Viewport {
         let (title, text) = match (&state.character, &state.connection) {
             (None, _) if state.busy.is_some() => return,
             (None, _) => ("No character yet", "Choose one above, or drop a mesh file here."),
-            (Some(_), Connection::Off) => (
-                "No puppet connected",
-                "Press Space to start a simulated one, or plug a puppet in and choose its port on the left.",
-            ),
+            (Some(_), Connection::Off) => {
+                ("No puppet connected", "Start a simulated one on the left, or plug a puppet in and choose its port.")
+            }
             (Some(_), Connection::On { .. }) if !state.is_live() => {
                 ("Connected", "Waiting for the first sample of the puppet.")
             }
@@ -141,30 +142,16 @@ fn above_the_bar(bounds: Bounds) -> Bounds {
 }
 
 /// The upper left: the character's name, and others to choose from.
-fn title(ui: &mut Ui, rect: Rect, state: &State, files: &mut Files, actions: &mut Vec<Action>) {
+fn title(ui: &mut Ui, rect: Rect, state: &State, actions: &mut Vec<Action>) {
     let place = Rect::from_min_size(rect.min + vec2(16.0, 14.0), vec2((rect.width() - 32.0).max(0.0), 80.0));
     ui.scope_builder(UiBuilder::new().max_rect(place), |ui| {
         ui.spacing_mut().item_spacing.y = 6.0;
         ui.horizontal(|ui| {
             theme::floating().inner_margin(egui::Margin::same(4)).show(ui, |ui| {
                 ui.spacing_mut().item_spacing.x = 2.0;
-                for name in OWN {
-                    let choice = CharacterChoice::BuiltIn(name);
-                    let selected = state.shows(&choice);
-                    let button =
-                        egui::Button::selectable(selected, widgets::titled(name)).min_size(Vec2::new(64.0, 26.0));
-                    if ui.add(button).on_hover_text(format!("The built-in {name}")).clicked() {
-                        actions.push(Action::Load(choice));
-                    }
-                }
-                let from_file = state.character.is_some() && matches!(state.choice, CharacterChoice::File(_));
-                let button = egui::Button::selectable(from_file, "Open…").min_size(Vec2::new(64.0, 26.0));
-                if ui
-                    .add(button)
-                    .on_hover_text(format!("A character, a mesh or a skeleton: {}", OPENABLE.join(", ")))
-                    .clicked()
-                {
-                    files.ask(ui.ctx());
+                let own = OWN.map(|name| Action::Load(CharacterChoice::BuiltIn(name)));
+                for action in own.into_iter().chain([Action::OpenCharacter]) {
+                    menus::button(ui, &action, Vec2::new(64.0, 26.0), state, actions);
                 }
             });
         });
