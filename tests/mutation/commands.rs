@@ -83,6 +83,7 @@ fn arguments(dice: &mut Dice, extension: &str, name: &str, file: &str) -> Vec<St
             vec!["replay", file, "--character", "good.bvh", "--verify", "good.take"],
             vec!["export", file, "--to", "out.bvh", "--force"],
             vec!["export", file, "--to", "out.glb", "--force"],
+            vec!["export", file, "--to", "out.fbx", "--force"],
             vec![
                 "export",
                 file,

@@ -91,7 +91,7 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Edit takes without changing them: trim, overdub, smooth, loop and more, by a text file beside them
     Edit(EditArgs),
-    /// Write a take, or a take after its edits, as BVH or as an animated GLB
+    /// Write a take, or a take after its edits, as BVH or as an animated GLB or FBX
     Export(ExportArgs),
     /// Run benchmarks
     Bench(BenchArgs),

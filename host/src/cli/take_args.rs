@@ -40,7 +40,7 @@ pub struct ReplayArgs {
 pub struct ExportArgs {
     /// The take, or an edit list (.edit)
     pub take: PathBuf,
-    /// The file to write: .bvh or .glb
+    /// The file to write: .bvh, .glb or .fbx
     #[arg(short, long, value_name = "FILE")]
     pub to: PathBuf,
     /// Files that are already there.
@@ -55,8 +55,8 @@ pub struct ExportArgs {
     /// wobble
     #[arg(long)]
     pub low_pass: bool,
-    /// Timecode of the first frame, HH:MM:SS:FF (HH:MM:SS;FF for drop frame). GLB keeps it in the animation's extras; BVH
-    /// has no place for it
+    /// Timecode of the first frame, HH:MM:SS:FF (HH:MM:SS;FF for drop frame). GLB keeps it in the animation's extras, FBX
+    /// in properties of the armature; BVH has no place for it
     #[arg(long, value_name = "TIMECODE")]
     pub start_timecode: Option<String>,
     /// Also write the receipt as JSON: rate, jitter, losses, gaps, lag and drift of the take, and what was exported
@@ -74,7 +74,7 @@ pub struct ExportArgs {
     /// (Blender puts its own in their place)
     #[arg(long, requires = "reduce_keys")]
     pub splines: bool,
-    /// The character whose mesh is exported in a GLB; without it, the one the take was recorded with
+    /// The character whose mesh is exported in a GLB or FBX; without it, the one the take was recorded with
     #[arg(short, long)]
     pub character: Option<String>,
 }

@@ -11,16 +11,13 @@ use crate::takes::{edits, receipt};
 use crate::terminal::{Bar, Talk, aside, out};
 use crate::{files, takes};
 
-/// Writes a take as BVH or GLB.
+/// Writes a take as BVH, GLB or FBX.
 pub fn export(args: &ExportArgs, talk: Talk) -> Result<(), Failure> {
-    let target = match files::extension_of(&args.to).as_str() {
-        "bvh" => Target::Bvh,
-        "glb" => Target::Glb,
-        other => {
-            let what = format!("takes are not exported as {other:?}");
-            return Err(Failure::usage(what, "give --to a name that ends in .bvh or .glb"));
-        }
-    };
+    let extension = files::extension_of(&args.to);
+    let target = Target::of_extension(&extension).ok_or_else(|| {
+        let what = format!("takes are not exported as {extension:?}");
+        Failure::usage(what, "give --to a name that ends in .bvh, .glb or .fbx")
+    })?;
     args.overwrite.check(&args.to)?;
     args.receipt.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
     let options = options(args, target)?;
@@ -32,15 +29,14 @@ pub fn export(args: &ExportArgs, talk: Talk) -> Result<(), Failure> {
     } else {
         (takes::read_and_tell(&args.take)?, None)
     };
-    let character = match target {
-        Target::Bvh => None,
-        Target::Glb => match character_of(&take, args, &bar) {
-            Ok(found) => Some(found.character),
-            Err(failure) => {
-                let remedy = "name the character the take was recorded with by --character FILE";
-                return Err(Failure { remedy: remedy.into(), ..failure });
-            }
-        },
+    let character = if target.holds_mesh() {
+        let found = character_of(&take, args, &bar).map_err(|failure| {
+            let remedy = "name the character the take was recorded with by --character FILE";
+            Failure { remedy: remedy.into(), ..failure }
+        })?;
+        Some(found.character)
+    } else {
+        None
     };
     let exported = exports::export(&take, edited.as_ref(), character.as_ref(), target, &options, &mut bar.stages())
         .map_err(|f| Failure { what: format!("{}: {}", args.take.display(), f.what), ..f })?;
@@ -69,8 +65,12 @@ fn options(args: &ExportArgs, target: Target) -> Result<Options, Failure> {
         options.start = Some(start);
     }
     if let Some(degrees) = args.reduce_keys {
-        if target == Target::Bvh {
-            let what = "BVH has a value for every frame, so its keys cannot be reduced";
+        let why = match target {
+            Target::Glb => None,
+            Target::Bvh => Some("BVH has a value for every frame, so its keys cannot be reduced"),
+            Target::Fbx => Some("FBX turns bones by three angles, between which the bound on few keys does not hold"),
+        };
+        if let Some(what) = why {
             return Err(Failure::usage(what, "export a .glb, or leave out --reduce-keys"));
         }
         let interpolation = if args.splines { KeyInterpolation::Cubic } else { KeyInterpolation::Linear };

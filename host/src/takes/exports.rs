@@ -3,13 +3,14 @@
 use std::fmt;
 use std::ops::ControlFlow;
 
+use armature_formats::fbx::FbxNotes;
 use armature_formats::gltf::GlbMesh;
 use armature_formats::motion::{KeyInterpolation, annotate_clips};
 use armature_take::{
     Edited, ExportError, ExportSettings, FrameRate, KeyReport, Surface, Take, TakeMotion, Timecode, bvh_of,
-    edited_motion, glb_of, take_motion,
+    edited_motion, fbx_of, glb_of, take_motion,
 };
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::characters::LoadedCharacter;
 use crate::failure::Failure;
@@ -22,6 +23,25 @@ pub enum Target {
     Bvh,
     /// Skinned mesh, skeleton and animation.
     Glb,
+    /// The same for programs that read no glTF.
+    Fbx,
+}
+
+impl Target {
+    /// The format that a file's extension stands for.
+    pub fn of_extension(extension: &str) -> Option<Self> {
+        match extension {
+            "bvh" => Some(Self::Bvh),
+            "glb" => Some(Self::Glb),
+            "fbx" => Some(Self::Fbx),
+            _ => None,
+        }
+    }
+
+    /// Whether the character's mesh is part of it.
+    pub fn holds_mesh(self) -> bool {
+        self != Self::Bvh
+    }
 }
 
 /// What to export, and under which name for the first frame.
@@ -101,7 +121,8 @@ impl Exported {
     }
 }
 
-/// Exports a take, or what its edits make of it. A GLB needs the character; a bare skeleton gives a GLB without a mesh.
+/// Exports a take, or what its edits make of it. A GLB or FBX needs the character; a bare skeleton gives a file without
+/// a mesh.
 pub fn export(
     take: &Take,
     edited: Option<&Edited>,
@@ -116,41 +137,37 @@ pub fn export(
         None => take_motion(take, settings, progress),
     };
     let motion = motion.map_err(|e| failure(&e))?;
+    let surface = character.and_then(surface_of);
+    let name = &take.header().character_name;
+    let mut left_out = Vec::new();
     let (bytes, taken, keys) = match target {
         Target::Bvh => {
             let exported = bvh_of(motion).map_err(|e| failure(&e))?;
             (exported.file.into_bytes(), exported.motion, None)
         }
         Target::Glb => {
-            let surface = character.and_then(LoadedCharacter::character).map(|c| Surface {
-                skeleton: &c.skeleton,
-                mesh: GlbMesh {
-                    mesh: &c.surface.mesh,
-                    split: None,
-                    normals: Some(&c.surface.normals),
-                    texture_coordinates: c.surface.texture_coordinates.as_deref(),
-                    vertex_colors: c.surface.vertex_colors.as_deref(),
-                    influences: Some(&c.surface.influences),
-                    parts: &c.surface.parts,
-                    morph_targets: &c.surface.morph_targets,
-                    skins: &c.skins,
-                    materials: &c.materials,
-                },
-            });
-            let name = &take.header().character_name;
             let exported = glb_of(motion, name, surface.as_ref(), "take", settings.keys.as_ref(), progress)
                 .map_err(|e| failure(&e))?;
             let file = match options.start {
-                Some(start) => annotate_clips(&exported.file, &timecode_extras(start))?,
+                Some(start) => annotate_clips(&exported.file, &Value::Object(timecode_of(start)))?,
                 None => exported.file,
             };
             (file, exported.motion, exported.keys)
+        }
+        Target::Fbx => {
+            let text = |(key, value): (String, Value)| (key, value.as_str().map_or(value.to_string(), str::to_owned));
+            let properties = options.start.into_iter().flat_map(timecode_of).map(text).collect();
+            let notes = FbxNotes { properties, drops_numbers: options.rate.drops_numbers() };
+            let exported = fbx_of(motion, name, surface.as_ref(), "take", &notes).map_err(|e| failure(&e))?;
+            left_out = exported.file.left_out;
+            (exported.file.bytes, exported.motion, None)
         }
     };
     let motion = &taken.resampled.motion;
     let frames = motion.frames.len();
     let last = |start: Timecode| start.after(frames.saturating_sub(1) as u64);
     let mut notes = notes(&taken);
+    notes.extend(left_out);
     notes.extend(edited.iter().flat_map(|edited| edited.notes.clone()));
     if options.start.is_some() && target == Target::Bvh {
         notes.push("BVH has no place for timecode; it is only in what is printed here and in the receipt".into());
@@ -176,13 +193,35 @@ fn is_spline(settings: &ExportSettings) -> bool {
     settings.keys.is_some_and(|keys| keys.interpolation == KeyInterpolation::Cubic)
 }
 
-/// What an animation's extras say of its first frame.
-fn timecode_extras(start: Timecode) -> Value {
-    let (numerator, denominator) = start.rate().fraction();
-    json!({
-        "start_timecode": start.to_string(), "start_frame": start.frame(),
-        "frames_per_second": [numerator, denominator], "drop_frame": start.rate().drops_numbers(),
+/// The character's mesh and how it follows the bones; none for a bare skeleton.
+fn surface_of(character: &LoadedCharacter) -> Option<Surface<'_>> {
+    character.character().map(|c| Surface {
+        skeleton: &c.skeleton,
+        mesh: GlbMesh {
+            mesh: &c.surface.mesh,
+            split: None,
+            normals: Some(&c.surface.normals),
+            texture_coordinates: c.surface.texture_coordinates.as_deref(),
+            vertex_colors: c.surface.vertex_colors.as_deref(),
+            influences: Some(&c.surface.influences),
+            parts: &c.surface.parts,
+            morph_targets: &c.surface.morph_targets,
+            skins: &c.skins,
+            materials: &c.materials,
+        },
     })
+}
+
+/// What a file says of its first frame.
+fn timecode_of(start: Timecode) -> Map<String, Value> {
+    let (numerator, denominator) = start.rate().fraction();
+    let said = [
+        ("start_timecode", json!(start.to_string())),
+        ("start_frame", json!(start.frame())),
+        ("frames_per_second", json!([numerator, denominator])),
+        ("drop_frame", json!(start.rate().drops_numbers())),
+    ];
+    said.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 fn failure(error: &ExportError) -> Failure {

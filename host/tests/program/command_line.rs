@@ -48,7 +48,7 @@ fn wrong_usage_is_2() {
         ("tail", [&virtually[..], &["--pull", "tail@1"]].concat()),
         ("soon", [&virtually[..], &["--burst", "soon"]].concat()),
         ("nothing/like/this", vec!["bench", "nothing/like/this"]),
-        ("fbx", vec!["export", "a.take", "--to", "a.fbx"]),
+        ("usd", vec!["export", "a.take", "--to", "a.usd"]),
     ] {
         place.fails(2, culprit, &arguments);
     }

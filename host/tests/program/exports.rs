@@ -86,7 +86,7 @@ fn check_exports(place: &Place, name: &str, character: &str) {
     let moved = turns(0).zip(turns(motion.frames.len() / 2)).filter(|(a, b)| a.angle_between(*b) > 1e-2).count();
     assert!(moved >= 8, "{name}: only {moved} bones have moved by the middle");
     let expected = place.write(&format!("{name}.json"), expectation(&motion).to_string());
-    for extension in ["glb", "bvh"] {
+    for extension in ["glb", "bvh", "fbx"] {
         let file = format!("{name}.{extension}");
         let ran = place.done(&["export", &take_file, "--to", &file, "--fps", "30", "--character", character]);
         let said = format!("{file}: {} frames at 30 a second, {} bones", motion.frames.len(), motion.skeleton.len());
@@ -108,6 +108,11 @@ fn a_take_of_the_human() {
     // Without --character it is the take's own.
     place.done(&["export", "human.take", "--to", "again.glb", "--fps", "30"]);
     assert!(place.read("again.glb") == place.read("human.glb"));
+    place.done(&["export", "human.take", "--to", "again.fbx", "--fps", "30"]);
+    assert!(place.read("again.fbx") == place.read("human.fbx"));
+    // What is already there stays, and no half file is left beside it.
+    place.fails(2, "again.fbx", &["export", "human.take", "--to", "again.fbx", "--fps", "24"]);
+    assert!(place.read("again.fbx") == place.read("human.fbx"));
     a_take_of_bones_alone(&place);
 }
 
@@ -125,7 +130,7 @@ fn a_take_of_bones_alone(place: &Place) {
     place.done(&["export", "bones.take", "--to", "bones-again.glb", "--fps", "30"]);
     assert!(place.read("bones-again.glb") == place.read("bones.glb"));
     let folder = place.folder.to_str().unwrap().as_bytes();
-    for file in ["bones.take", "bones.glb", "bones.bvh"] {
+    for file in ["bones.take", "bones.glb", "bones.bvh", "bones.fbx"] {
         let bytes = place.read(file);
         assert!(!bytes.windows(folder.len()).any(|part| part == folder), "{file} contains the path on this machine");
     }
@@ -165,9 +170,13 @@ fn a_take_at_the_rates_of_film() {
         let rate: FrameRate = fps.parse().unwrap();
         let motion = motion_of(&take, rate.frames_per_second(), true);
         let expected = place.write("expected.json", expectation(&motion).to_string());
-        for (file, more) in
-            [("film.glb", &[][..]), ("few.glb", &few[..]), ("splines.glb", &splines[..]), ("film.bvh", &[])]
-        {
+        for (file, more) in [
+            ("film.glb", &[][..]),
+            ("few.glb", &few[..]),
+            ("splines.glb", &splines[..]),
+            ("film.bvh", &[]),
+            ("film.fbx", &[]),
+        ] {
             let export = ["export", "hand.take", "--to", file, "--fps", fps, "--low-pass", "--start-timecode", start];
             let ran = place.done(&[&export[..], more, &["--receipt", "receipt.json", "--force"]].concat());
             let timecode = format!("timecode {start} to ");
@@ -186,6 +195,8 @@ fn a_take_at_the_rates_of_film() {
                     text.lines().find_map(|line| line.strip_prefix("Frame Time: ")).unwrap().parse().unwrap();
                 assert!((period * f64::from(numerator) / f64::from(denominator) - 1.0).abs() < 1e-15, "{period}");
                 assert!(ran.err.contains("BVH has no place for timecode"), "{ran:?}");
+            } else if file == "film.fbx" {
+                assert!(text.contains("start_timecode") && text.contains(start), "{fps}");
             } else {
                 assert!(text.contains(&format!("\"start_timecode\":\"{start}\"")), "{fps}");
                 validate(&place.path(file));
@@ -203,6 +214,7 @@ fn a_take_at_the_rates_of_film() {
         }
     }
     place.fails(2, "BVH", &["export", "hand.take", "--to", "few.bvh", "--reduce-keys"]);
+    place.fails(2, "three angles", &["export", "hand.take", "--to", "few.fbx", "--reduce-keys"]);
     place.fails(2, "29.98", &["export", "hand.take", "--to", "a.bvh", "--fps", "29.98df"]);
     place.fails(
         2,
@@ -214,7 +226,7 @@ fn a_take_at_the_rates_of_film() {
         "12.5",
         &["export", "hand.take", "--to", "a.bvh", "--fps", "12.5", "--start-timecode", "00:00:00:00"],
     );
-    assert!(!place.path("a.bvh").exists() && !place.path("few.bvh").exists());
+    assert!(!place.path("a.bvh").exists() && !place.path("few.bvh").exists() && !place.path("few.fbx").exists());
     // An inspection prints the same receipt.
     let inspected = place.done(&["inspect", "hand.take"]);
     assert!(inspected.out.contains("receipt: 200.000 samples a second"), "{inspected:?}");

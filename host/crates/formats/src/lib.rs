@@ -27,7 +27,7 @@
 //! | [`skeleton`] | [`read_tgf`](skeleton::read_tgf), [`skeleton_from_graph`](skeleton::skeleton_from_graph) |
 //! | [`motion`] | [`read_bvh`](motion::read_bvh), [`write_bvh`](motion::write_bvh), [`add_clip`](motion::add_clip) |
 //! | [`gltf`] | [`write_glb`](gltf::write_glb), [`read_gltf_skeleton`](gltf::read_gltf_skeleton) |
-//! | [`fbx`] | [`read_fbx_skeleton`](fbx::read_fbx_skeleton) |
+//! | [`fbx`] | [`write_fbx`](fbx::write_fbx), [`read_fbx_skeleton`](fbx::read_fbx_skeleton) |
 //! | [`tables`] | [`read_npy`](tables::read_npy), [`write_npy`](tables::write_npy), [`read_dmat`](tables::read_dmat), [`write_dmat`](tables::write_dmat) |
 //! | [`settings`] | [`read_calibration`](settings::read_calibration), [`write_calibration`](settings::write_calibration), [`read_mapping`](settings::read_mapping), [`write_mapping`](settings::write_mapping) |
 //!

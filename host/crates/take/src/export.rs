@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use armature_formats::FormatError;
+use armature_formats::fbx::{FbxFile, FbxNotes, write_fbx};
 use armature_formats::gltf::{GlbClip, GlbMesh, GlbScene, write_glb};
 use armature_formats::motion::{add_clip, write_bvh};
 use armature_rig::Skeleton;
@@ -170,17 +171,8 @@ pub fn glb_of(
     keys: Option<&KeySettings>,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Exported<Vec<u8>>, ExportError> {
-    if let Some(surface) = surface
-        && let Some(difference) = difference(&motion.resampled.motion.skeleton, surface.skeleton)
-    {
-        return Err(ExportError::OtherSkeleton { character: character.to_owned(), difference });
-    }
-    let scene = |clips| GlbScene {
-        name: character_in_exports(character),
-        skeleton: &motion.resampled.motion.skeleton,
-        mesh: surface.map(|surface| surface.mesh),
-        clips,
-    };
+    check_skeleton(&motion, character, surface)?;
+    let scene = |clips| scene_of(&motion, character, surface, clips);
     let (file, keys) = match keys {
         None => (write_glb(&scene(vec![GlbClip::of_motion(clip_name, &motion.resampled.motion)]))?, None),
         Some(keys) => {
@@ -189,6 +181,42 @@ pub fn glb_of(
         }
     };
     Ok(Exported { file, motion, keys })
+}
+
+/// A motion as FBX, with a key for every frame, whatever the settings say of keys; otherwise as [`glb_of`].
+pub fn fbx_of(
+    motion: TakeMotion,
+    character: &str,
+    surface: Option<&Surface<'_>>,
+    clip_name: &str,
+    notes: &FbxNotes,
+) -> Result<Exported<FbxFile>, ExportError> {
+    check_skeleton(&motion, character, surface)?;
+    let clips = vec![GlbClip::of_motion(clip_name, &motion.resampled.motion)];
+    let file = write_fbx(&scene_of(&motion, character, surface, clips), notes)?;
+    Ok(Exported { file, motion, keys: None })
+}
+
+/// Refuses a surface that is bound to another skeleton than the motion's.
+fn check_skeleton(motion: &TakeMotion, character: &str, surface: Option<&Surface<'_>>) -> Result<(), ExportError> {
+    match surface.and_then(|surface| difference(&motion.resampled.motion.skeleton, surface.skeleton)) {
+        Some(difference) => Err(ExportError::OtherSkeleton { character: character.to_owned(), difference }),
+        None => Ok(()),
+    }
+}
+
+fn scene_of<'a>(
+    motion: &'a TakeMotion,
+    character: &'a str,
+    surface: Option<&Surface<'a>>,
+    clips: Vec<GlbClip<'a>>,
+) -> GlbScene<'a> {
+    GlbScene {
+        name: character_in_exports(character),
+        skeleton: &motion.resampled.motion.skeleton,
+        mesh: surface.map(|surface| surface.mesh),
+        clips,
+    }
 }
 
 /// A character's name without the folders and the extension of the file it came from.

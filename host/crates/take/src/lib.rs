@@ -38,7 +38,7 @@
 //! | [`compare`](mod@compare) | [`compare()`]: the poses of one take against those of another |
 //! | [`time`] | [`Timeline::recorded`] puts poses on one timeline; [`resample`] brings them to a constant rate; [`FrameRate`] and [`Timecode`] name frames |
 //! | [`keys`] | [`reduce_keys`]: fewer keys, with a bound on what that changes |
-//! | [`export`] | [`export_bvh`] and [`export_glb`] |
+//! | [`export`] | [`export_bvh`] and [`export_glb`]; [`bvh_of`], [`glb_of`] and [`fbx_of`] of a motion |
 //! | [`summary`] | [`summarize`]: counts, times and losses |
 //! | [`receipt`](mod@receipt) | [`receipt()`]: what the measurement is worth: rate, jitter, losses, lag, drift |
 
@@ -56,7 +56,7 @@ pub use compare::{CompareError, Comparison, PoseDifference, Tolerance, compare};
 pub use edit::{Edit, EditError, EditList, EditListError, Edited, apply_edits};
 pub use export::{
     ExportError, ExportSettings, Exported, PoseSource, Surface, TakeMotion, bvh_of, edited_motion, export_bvh,
-    export_glb, glb_of, take_motion,
+    export_glb, fbx_of, glb_of, take_motion,
 };
 pub use file::{
     ClockFault, Event, EventKind, Header, InverseKinematicsHeader, MAGIC, MAJOR_VERSION, MAX_PARTS, MAX_PAYLOAD_BYTES,

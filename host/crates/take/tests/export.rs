@@ -6,13 +6,14 @@ mod support;
 
 use std::ops::ControlFlow;
 
+use armature_formats::fbx::FbxNotes;
 use armature_formats::gltf::GlbMesh;
 use armature_formats::motion::read_bvh;
 use armature_formats::read_model;
 use armature_rig::{Motion, Pose, Skeleton};
 use armature_take::{
-    ExportError, ExportSettings, Header, PoseSource, ReplayError, ResampleSettings, Surface, Take, TakeWriter,
-    export_bvh, export_glb, take_motion,
+    ExportError, ExportSettings, Header, PoseSource, ReplayError, ResampleSettings, Surface, Take, TakeMotion,
+    TakeWriter, export_bvh, export_glb, fbx_of, take_motion,
 };
 use armature_test_support::shared_bytes;
 use glam::{Affine3A, Vec3};
@@ -97,6 +98,10 @@ fn read_glb(bytes: &[u8]) -> armature_formats::model::Model {
     read_model("a.glb", bytes, &|name| Err(format!("it needs no other file, but asked for {name}"))).unwrap()
 }
 
+fn other_motion() -> TakeMotion {
+    take_motion(&recorded(true), &settings(PoseSource::Recorded, 30.0), &mut go_on).unwrap()
+}
+
 /// A real rigged animal: its own animation recorded as a take, exported with its mesh, read back.
 #[test]
 fn a_skinned_glb_gives_mesh_weights_and_motion_back() {
@@ -124,6 +129,17 @@ fn a_skinned_glb_gives_mesh_weights_and_motion_back() {
     let distance = largest_distance(&exported.motion.resampled.motion, back_motion);
     assert!(distance < 1e-5 * size, "{distance} of {size}");
 
+    let fbx = fbx_of(exported.motion.clone(), "fox", Some(&surface), "run", &FbxNotes::default()).unwrap();
+    let back = read_model("fox.fbx", &fbx.file.bytes, &|name| Err(format!("{name} is not expected"))).unwrap();
+    let (name, back_motion) = &back.motions[0];
+    assert_eq!((name.as_str(), back.motions.len(), back.mesh.triangles.len()), ("run", 1, fox.mesh.triangles.len()));
+    assert!((back_motion.frame_seconds - 1.0 / 30.0).abs() < 1e-10, "{}", back_motion.frame_seconds);
+    assert_eq!(back.materials[0].base_color_map, fox.materials[0].base_color_map);
+    let distance = largest_distance(&exported.motion.resampled.motion, back_motion);
+    assert!(distance < 1e-5 * size, "FBX: {distance} of {size}");
+
+    let other = fbx_of(other_motion(), "arm", Some(&surface), "run", &FbxNotes::default());
+    assert!(other.unwrap_err().to_string().contains("export it with the character \"arm\""));
     let refused = export_glb(&recorded(true), Some(&surface), "run", &settings, &mut go_on).unwrap_err();
     assert!(refused.to_string().contains("export it with the character \"arm\""), "{refused}");
 }

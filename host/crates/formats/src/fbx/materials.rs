@@ -70,8 +70,9 @@ impl<'r> Materials<'r> {
         let base_color_map = self.map(&pbr.base_color);
         // A colour under an image is often left black.
         let color = if base_color_map.is_some() { [1.0; 3] } else { [color.x, color.y, color.z].map(|c| c * factor) };
-        let opacity = number(&pbr.opacity, 1.0);
-        let shares_image = pbr.opacity.texture.is_some();
+        let opacity = number(&pbr.opacity, opacity_of_phong(&material.fbx));
+        let clear = [&pbr.opacity, &material.fbx.transparency_color, &material.fbx.transparency_factor];
+        let shares_image = clear.iter().any(|map| map.texture.is_some() && map.texture_enabled);
         for (map, kind) in [(&pbr.roughness, "roughness"), (&pbr.metalness, "metalness")] {
             if map.texture.is_some() && map.texture_enabled {
                 let named = quoted(&name);
@@ -140,6 +141,18 @@ impl<'r> Materials<'r> {
             }
         }
     }
+}
+
+/// The format's oldest materials say how much shines through: a colour times a factor. Where that would be everything,
+/// nobody would have drawn the mesh: exporters leave both at 1 in materials that are opaque.
+fn opacity_of_phong(material: &ufbx::MaterialFbxMaps) -> f64 {
+    let (color, factor) = (&material.transparency_color, &material.transparency_factor);
+    if !(color.has_value && factor.has_value) {
+        return 1.0;
+    }
+    let ufbx::Vec4 { x, y, z, .. } = color.value_vec4;
+    let opacity = 1.0 - factor.value_vec4.x * (x + y + z) / 3.0;
+    if opacity > 0.0 && opacity <= 1.0 { opacity } else { 1.0 }
 }
 
 /// The set of texture coordinates that a material's image lies on, by name.

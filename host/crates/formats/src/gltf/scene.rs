@@ -1,4 +1,4 @@
-//! The contents of a GLB file.
+//! The contents of a GLB or FBX file.
 
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::{Motion, Pose, Skeleton};
@@ -6,7 +6,7 @@ use armature_rig::{Motion, Pose, Skeleton};
 use crate::FormatError;
 use crate::model::{Material, MeshPart, Model, MorphTarget, Skin, Split};
 
-/// The contents of a GLB file. Everything is borrowed.
+/// The contents of a GLB or FBX file. Everything is borrowed.
 #[derive(Clone, Debug)]
 pub struct GlbScene<'a> {
     /// Name of the character.
@@ -90,6 +90,6 @@ impl<'a> GlbClip<'a> {
 }
 
 /// An error in what was passed in for writing.
-pub(super) fn bad(what: impl Into<String>, remedy: &str) -> FormatError {
+pub(crate) fn bad(what: impl Into<String>, remedy: &str) -> FormatError {
     FormatError::whole("GLB", what, remedy)
 }

@@ -72,7 +72,8 @@ fn add(
     animation.channels.push(Channel { sampler, target, extensions: None, extras: Extras::default() });
 }
 
-fn check_poses(skeleton: &Skeleton, clip: &GlbClip) -> Result<(), FormatError> {
+/// Whether every pose of a clip can be written.
+pub(crate) fn check_poses(skeleton: &Skeleton, clip: &GlbClip) -> Result<(), FormatError> {
     let remedy = "Record the clip again";
     if skeleton.is_empty() || clip.poses.is_empty() {
         return Err(bad(format!("the clip {:?} has no poses or moves no bones", clip.name), "Leave the clip out"));
@@ -91,8 +92,8 @@ fn check_poses(skeleton: &Skeleton, clip: &GlbClip) -> Result<(), FormatError> {
     Ok(())
 }
 
-/// The time of every pose in single precision, seconds, strictly increasing.
-fn key_times(clip: &GlbClip) -> Result<Vec<[f32; 1]>, FormatError> {
+/// The time of every pose in seconds, strictly increasing.
+pub(crate) fn clip_seconds(clip: &GlbClip) -> Result<Vec<f64>, FormatError> {
     let wrong = |what: &str| bad(format!("the clip {:?} {what}", clip.name), "Record the clip again");
     let seconds: Vec<f64> = match clip.times {
         GlbTimes::EverySeconds(step) if step.is_finite() && step > 0.0 => {
@@ -108,6 +109,12 @@ fn key_times(clip: &GlbClip) -> Result<Vec<[f32; 1]>, FormatError> {
     if seconds.windows(2).any(|w| w[1] <= w[0]) {
         return Err(wrong("has times that do not increase"));
     }
+    Ok(seconds)
+}
+
+/// The same in single precision.
+fn key_times(clip: &GlbClip) -> Result<Vec<[f32; 1]>, FormatError> {
+    let seconds = clip_seconds(clip)?;
     let mut out: Vec<[f32; 1]> = Vec::with_capacity(seconds.len());
     for second in seconds {
         // Late in a long take, two times may round to the same number.

@@ -19,7 +19,7 @@ use crate::skeleton::frames::affine;
 pub(super) type Attributes = std::collections::BTreeMap<Checked<Semantic>, Index<gltf_json::Accessor>>;
 
 /// `model_from_bone` at rest, in double precision.
-pub(super) fn rest_frames(skeleton: &Skeleton) -> Vec<DAffine3> {
+pub(crate) fn rest_frames(skeleton: &Skeleton) -> Vec<DAffine3> {
     let mut frames: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
     for bone in skeleton.bones() {
         let local = affine(&bone.rest);
@@ -89,7 +89,7 @@ pub(super) fn write_influences(
 }
 
 /// The influences of a vertex, with weights that sum to one as exactly as single precision allows.
-fn whole_row(influences: &Influences, vertex: usize) -> Vec<(u16, f32)> {
+pub(crate) fn whole_row(influences: &Influences, vertex: usize) -> Vec<(u16, f32)> {
     let mut row: Vec<(u16, f32)> = Vec::with_capacity(influences.per_vertex());
     for (bone, weight) in influences.of_vertex(vertex) {
         match row.iter_mut().find(|(known, _)| *known == bone) {
