@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armature::characters::LoadedCharacter;
+use armature::characters::ground::GroundArgs;
 use armature::characters::inverse_kinematics::{IkArgs, IkMode};
 use armature::engine::command::RunPlan;
 use armature::engine::drive::drive_run;
@@ -89,6 +90,8 @@ pub struct Setup {
     pub header: Header,
     /// What happens to bones without a joint.
     pub ik: IkArgs,
+    /// How the roots follow the feet.
+    pub ground: GroundArgs,
     /// What is done to readings.
     pub filter: Filter,
     /// Which joint drives which bone; `None`: as is proposed.
@@ -103,6 +106,7 @@ impl Setup {
             seconds: (f64::from(count) + 0.5) / rate,
             header: Header::default(),
             ik: IkArgs { ik: IkMode::Off, ..IkArgs::default() },
+            ground: GroundArgs::default(),
             filter: Filter::None,
             mapping: None,
         }
@@ -133,6 +137,7 @@ pub fn perform_from(source: VirtualSource, character: &Arc<LoadedCharacter>, set
         calibration,
         mapping: setup.mapping.clone(),
         ik: setup.ik.clone(),
+        ground: setup.ground.clone(),
         draws: false,
         ..EngineSettings::default()
     });

@@ -11,5 +11,6 @@ mod mocap;
 mod mounting;
 mod noise;
 mod replay;
+mod standing;
 mod tapped;
 mod volumes;

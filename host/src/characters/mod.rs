@@ -1,6 +1,7 @@
 //! Characters by name or file: our own, saved ones, and models that are bound on the way.
 
 pub mod filled;
+pub mod ground;
 pub mod inverse_kinematics;
 mod loaded;
 pub mod volumes;

@@ -6,6 +6,7 @@ use armature_sim::serve;
 use clap::{Args, ValueEnum};
 
 use super::names::{arm_help, character_help, device_help, puppet_help, vertices_help};
+use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::engine::sources::simulated::SimulatedArgs;
 use crate::files::Overwrite;
@@ -164,6 +165,9 @@ pub struct RunArgs {
     /// Bones without a joint.
     #[command(flatten)]
     pub ik: IkArgs,
+    /// Standing and walking.
+    #[command(flatten)]
+    pub ground: GroundArgs,
     /// The simulated puppet.
     #[command(flatten)]
     pub simulated: SimulatedArgs,

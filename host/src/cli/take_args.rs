@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use armature_take::FrameRate;
 use clap::Args;
 
+use crate::characters::ground::GroundArgs;
 use crate::files::Overwrite;
 
 /// `armature replay`
@@ -29,6 +30,9 @@ pub struct ReplayArgs {
     /// Files that are already there.
     #[command(flatten)]
     pub overwrite: Overwrite,
+    /// The samples are solved again like this; without it, as the take was recorded.
+    #[command(flatten)]
+    pub ground: GroundArgs,
     /// The character, for the picture and for bones posed by inverse kinematics; without it, the one the take was
     /// recorded with
     #[arg(short, long)]
@@ -74,6 +78,9 @@ pub struct ExportArgs {
     /// (Blender puts its own in their place)
     #[arg(long, requires = "reduce_keys")]
     pub splines: bool,
+    /// The samples are solved again like this; without it, as the take was recorded.
+    #[command(flatten)]
+    pub ground: GroundArgs,
     /// The character whose mesh is exported in a GLB or FBX; without it, the one the take was recorded with
     #[arg(short, long)]
     pub character: Option<String>,

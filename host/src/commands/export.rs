@@ -38,6 +38,7 @@ pub fn export(args: &ExportArgs, talk: Talk) -> Result<(), Failure> {
     } else {
         None
     };
+    let take = if args.ground.ground.is_some() { on_ground(args, &take, &bar)? } else { take };
     let exported = exports::export(&take, edited.as_ref(), character.as_ref(), target, &options, &mut bar.stages())
         .map_err(|f| Failure { what: format!("{}: {}", args.take.display(), f.what), ..f })?;
     args.overwrite.write(&args.to, &exported.bytes)?;
@@ -54,6 +55,16 @@ pub fn export(args: &ExportArgs, talk: Talk) -> Result<(), Failure> {
         exported.notes.iter().for_each(|note| aside!("note: {note}"));
     }
     Ok(())
+}
+
+/// The samples solved again with the roots following the feet as chosen.
+fn on_ground(args: &ExportArgs, take: &Take, bar: &Bar) -> Result<Take, Failure> {
+    if edits::is_list(&args.take) {
+        let what = format!("{} is an edit list, and --ground solves the samples of a take again", args.take.display());
+        return Err(Failure::usage(what, "record the take with --ground, or export the take itself"));
+    }
+    let found = character_of(take, args, bar)?;
+    takes::on_ground(take, &args.ground, &found.character, &mut bar.stages())
 }
 
 fn options(args: &ExportArgs, target: Target) -> Result<Options, Failure> {

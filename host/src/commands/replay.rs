@@ -9,7 +9,7 @@ use glam::Vec3A;
 use crate::characters::LoadedCharacter;
 use crate::cli::take_args::ReplayArgs;
 use crate::failure::Failure;
-use crate::terminal::{Bar, Talk, out};
+use crate::terminal::{Bar, Talk, counted, out};
 use crate::{characters, pictures, takes};
 
 /// Solves a take again and compares with the recorded poses; draws a moment of it if asked.
@@ -18,6 +18,9 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
     let take = takes::read_and_tell(&args.take)?;
     if let Some(at) = args.at {
         check_moment(&take, args, at)?;
+    }
+    if args.ground.ground.is_some() {
+        return stand(args, &take, talk);
     }
     let mut completion = match &take.header().inverse_kinematics {
         Some(_) => takes::completion(&take, &character_of(&take, args, talk)?)?,
@@ -57,6 +60,24 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
         None => "the take holds no pose; record it again".to_string(),
     };
     Err(Failure::not_converged(what, remedy))
+}
+
+/// Solves the samples again with the roots following the feet as chosen, and says what came of it.
+fn stand(args: &ReplayArgs, take: &Take, talk: Talk) -> Result<(), Failure> {
+    let character = character_of(take, args, talk)?;
+    let bar = Bar::new(talk, "solving again");
+    let take = takes::on_ground(take, &args.ground, &character, &mut bar.stages())?;
+    bar.finish();
+    if let (Some(path), Some(at)) = (&args.picture, args.at) {
+        draw(&take, args, at, path, talk)?;
+    }
+    if let Some(expected) = &args.verify {
+        let poses: Vec<PackedPose> = take.poses().cloned().collect();
+        return compare_with(&take, &poses, expected, args);
+    }
+    let counted = counted(take.poses().count(), "pose", "poses");
+    out!("{}: {counted} solved again, not as recorded but with --ground", args.take.display());
+    Ok(())
 }
 
 /// Compares what was solved with the poses of another take.

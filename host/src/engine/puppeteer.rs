@@ -9,13 +9,14 @@ use std::sync::Arc;
 use armature_character::Progress;
 use armature_character::inverse_kinematics::{BoneRole, InverseKinematics};
 use armature_rig::{
-    BoneStatus, Calibration, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion, PuppetHints, RawSample,
-    SensorCalibration, SensorState, SolveError, StreamSolver, ZeroReport,
+    BoneStatus, Calibration, Ground, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion, PuppetHints,
+    RawSample, SensorCalibration, SensorState, SolveError, StreamSolver, ZeroReport,
 };
 use armature_take::InverseKinematicsHeader;
 use glam::{Affine3A, Quat};
 
 use crate::characters::LoadedCharacter;
+use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::failure::Failure;
 
@@ -84,6 +85,7 @@ pub struct Puppeteer {
     zero_wish: ZeroWish,
     waited_samples: u32,
     solver: StreamSolver,
+    ground: Option<Ground>,
     inverse_kinematics: Option<InverseKinematics>,
     /// What its bones prefer, in the user's words.
     preferences: Vec<String>,
@@ -123,6 +125,7 @@ impl Puppeteer {
             zero_wish: ZeroWish::Nothing,
             waited_samples: 0,
             solver,
+            ground: None,
             model_from_bone,
             positions,
             normals,
@@ -146,6 +149,24 @@ impl Puppeteer {
         self.preferences.clone_from(&choice.prefer);
         self.prepare_inverse_kinematics(&mut unheard);
         Ok(self)
+    }
+
+    /// Lets the roots follow the feet, as chosen.
+    pub fn with_ground(mut self, choice: &GroundArgs) -> Result<Self, Failure> {
+        self.ground = choice.for_character(&self.character)?;
+        self.stand()?;
+        Ok(self)
+    }
+
+    fn stand(&mut self) -> Result<(), Failure> {
+        self.solver
+            .set_ground(self.ground.clone())
+            .map_err(|e| Failure::usage(e.to_string(), "choose other --contacts"))
+    }
+
+    /// How the roots follow the feet; `None` where they stay.
+    pub fn ground(&self) -> Option<&Ground> {
+        self.ground.as_ref()
     }
 
     /// The number of bones, if preparing inverse kinematics for them takes long.
@@ -279,6 +300,9 @@ impl Puppeteer {
     pub fn expect_puppet(&mut self, calibration: Calibration, hints: PuppetHints) {
         self.hints = hints;
         self.solver = fresh_solver(&self.character, calibration);
+        if let Err(failure) = self.stand() {
+            tracing::warn!("{failure}");
+        }
         self.forget_past();
         self.proposed = None;
         self.carried = None;

@@ -84,6 +84,9 @@ impl<W: Write> TakeRecorder<W> {
         let failed = |error| write_failure(name, &error);
         let mut writer = TakeWriter::new(out, header).map_err(failed)?;
         writer.skeleton(&puppeteer.character().skeleton).map_err(failed)?;
+        if let Some(ground) = puppeteer.ground() {
+            writer.ground(Some(ground)).map_err(failed)?;
+        }
         let mut recorder = Self {
             writer,
             name: name.to_string(),

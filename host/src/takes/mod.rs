@@ -7,10 +7,13 @@ pub mod receipt;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use armature_character::inverse_kinematics::InverseKinematics;
-use armature_take::{ReadReport, Take};
+use armature_character::Progress;
+use armature_character::inverse_kinematics::{InverseKinematics, PinHold, PinnedBone};
+use armature_rig::PoseCompletion;
+use armature_take::{ReadReport, Take, solve_on_ground};
 
 use crate::characters::LoadedCharacter;
+use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::{IkArgs, IkMode};
 use crate::failure::Failure;
 use crate::files::{self, GrowingFile, Overwrite};
@@ -41,6 +44,30 @@ pub fn completion(take: &Take, character: &LoadedCharacter) -> Result<Option<Inv
         return Err(Failure::usage(what, "give the exact character it was recorded with by --character"));
     }
     IkArgs { ik: IkMode::On, pin: header.pins.clone(), prefer: header.preferences.clone() }.for_character(character)
+}
+
+/// The take solved again with its roots following the feet as chosen.
+pub fn on_ground(
+    take: &Take,
+    choice: &GroundArgs,
+    character: &LoadedCharacter,
+    progress: Progress<'_>,
+) -> Result<Take, Failure> {
+    let skeleton = take.skeleton().filter(|&skeleton| skeleton == &character.skeleton);
+    if skeleton.is_none() {
+        let what = format!("the take was recorded on another skeleton than that of {}", character.name);
+        return Err(Failure::usage(what, "name the character it was recorded with by --character"));
+    }
+    let mut completion = completion(take, character)?;
+    let is_pin_of_root = |pin: &PinnedBone| {
+        let bone = character.skeleton.find(&pin.bone);
+        bone.is_some_and(|bone| character.skeleton.bones()[bone].parent.is_none()) && pin.hold == PinHold::Fixed
+    };
+    let pins = completion.iter().flat_map(InverseKinematics::pins).filter(|pin| !is_pin_of_root(pin));
+    choice.check_pins(&pins.map(|pin| pin.to_string()).collect::<Vec<_>>())?;
+    let ground = choice.for_character(character)?;
+    let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
+    solve_on_ground(take, ground.as_ref(), completion, progress).map_err(|e| Failure::input(e.to_string(), ""))
 }
 
 /// Opens a file for a new take. One that is to be replaced stays until the new one is complete.

@@ -39,6 +39,7 @@
 //! | [`volume`] | [`make_volume`](volume::make_volume) |
 //! | [`cache`] | [`to_bytes`](cache::to_bytes), [`from_bytes`](cache::from_bytes), [`cache_key`](cache::cache_key) |
 //! | [`inverse_kinematics`] | `new`, `drive` and `prefer` of [`InverseKinematics`](inverse_kinematics::InverseKinematics) |
+//! | [`outermost_points`](fn@outermost_points) | what of the skin could cross a floor |
 //! | [`own`] | [`human`](own::human), [`spider`](own::spider), [`hand`](own::hand) |
 //!
 //! This crate does no I/O: bytes in, bytes out. It reads no clock and prints nothing. Long computations report
@@ -49,9 +50,11 @@ pub mod cache;
 mod character;
 pub mod handle_weights;
 pub mod inverse_kinematics;
+mod outermost_points;
 pub mod own;
 mod progress;
 pub mod volume;
 
 pub use character::{BiharmonicRecord, Character, HeatRecord, Provenance, Surface, WeightsRecord};
+pub use outermost_points::outermost_points;
 pub use progress::Progress;

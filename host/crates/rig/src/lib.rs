@@ -32,6 +32,7 @@
 //! | [`filter`] | [`Filter`], and its lag |
 //! | [`recognise`](mod@recognise) | [`recognise`](fn@recognise) what a skeleton and each of its bones is |
 //! | [`mapping`] | [`propose`] which part drives which bone |
+//! | [`ground`] | [`GroundContact::follow`]: roots that follow the foot on the floor |
 //! | [`pose`] | [`StreamSolver::solve`] a sample into a pose |
 //!
 //! Frames: right-handed, +Y up, the character faces +Z. Angles in radians, lengths in the mesh's unit, quaternions (x,
@@ -42,6 +43,7 @@
 
 pub mod calibration;
 pub mod filter;
+pub mod ground;
 pub mod mapping;
 pub mod pose;
 pub mod puppet;
@@ -53,6 +55,7 @@ pub use calibration::{
     Calibration, CalibrationError, PartSettings, SensorCalibration, SensorRange, SkippedSensor, ZeroReport,
 };
 pub use filter::{DEFAULT_PATIENCE_SECONDS, Filter, FilterError, OneEuro};
+pub use ground::{Ground, GroundContact, GroundError, GroundMode, GroundPoint};
 pub use mapping::{
     Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind, carried, propose, propose_with,
 };

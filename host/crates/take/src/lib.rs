@@ -66,8 +66,8 @@ pub use file::{
 pub use keys::{KeyError, KeyReport, KeySettings, ReducedKeys, reduce_keys};
 pub use receipt::{Arrival, FilterLag, Jitter, LAG_AT_SPEEDS, Posing, Receipt, receipt};
 pub use replay::{
-    Completing, Difference, ReplayError, ReplaySummary, Replayed, Verification, replay, solve_again, verify,
-    verify_completed,
+    Completing, Difference, ReplayError, ReplaySummary, Replayed, Verification, replay, solve_again, solve_on_ground,
+    verify, verify_completed,
 };
 pub use summary::{SilentJoint, Summary, summarize};
 pub use time::{

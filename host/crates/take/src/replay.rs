@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use armature_rig::{Pose, PoseCompletion, Skeleton, SolveError, StreamSolver, Transform};
+use armature_rig::{Ground, GroundError, Pose, PoseCompletion, Skeleton, SolveError, StreamSolver, Transform};
 
 use crate::file::{PackedPose, Record, Sample, Take, same_bits};
 
@@ -22,6 +22,14 @@ pub enum ReplayError {
         "bones without a joint were posed by inverse kinematics, which needs the character's shape; give the character the take was recorded with"
     )]
     NeedsCharacter,
+    /// A take put together in memory tells the skeleton to stand in a way that it cannot.
+    #[error("record {record}: {why}; record the take again")]
+    Ground {
+        /// Index among the take's records.
+        record: usize,
+        /// What is wrong.
+        why: GroundError,
+    },
     /// The callback asked to stop.
     #[error("the replay was cancelled")]
     Cancelled,
@@ -85,6 +93,9 @@ pub fn replay(
             Record::Mapping(mapping) => solver.set_mapping(mapping.clone()),
             Record::Engagement { micros, all } => solver.engage(*micros, *all),
             Record::ReadingsReturn { micros } => solver.return_over(*micros),
+            Record::Ground(ground) => {
+                solver.set_ground(ground.clone()).map_err(|why| ReplayError::Ground { record: index, why })?;
+            }
             Record::Skeleton(_) | Record::Sample(_) | Record::Pose(_) | Record::Event(_) => {}
         }
         let replayed = match record {
@@ -203,6 +214,37 @@ pub fn solve_again(
         report(progress, index, take.records().len())
     })?;
     Ok((poses, summary))
+}
+
+/// The take with its samples solved again, the roots following the feet like this from its start on, or not at all with
+/// `None`; whatever it says itself of the ground is left out. Poses without a sample are left out too.
+///
+/// `completion` as for [`replay`]; `progress` is called with the current stage and the fraction done, 0 to 1, and can stop
+/// the work with [`ControlFlow::Break`].
+pub fn solve_on_ground(
+    take: &Take,
+    ground: Option<&Ground>,
+    completion: Completing<'_>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<Take, ReplayError> {
+    let mut records = Vec::with_capacity(take.records().len() + 1);
+    for record in take.records().iter().filter(|record| !matches!(record, Record::Ground(_) | Record::Pose(_))) {
+        records.push(record.clone());
+        if let (Record::Skeleton(_), Some(ground)) = (record, ground) {
+            records.push(Record::Ground(Some(ground.clone())));
+        }
+    }
+    let take = take.with_records(records);
+    let (poses, _) = solve_again(&take, completion, progress)?;
+    let mut poses = poses.into_iter().peekable();
+    let mut records = Vec::with_capacity(take.records().len() + poses.len());
+    for record in take.records() {
+        records.push(record.clone());
+        let Record::Sample(sample) = record else { continue };
+        let key = (sample.raw.sequence, sample.raw.device_micros);
+        records.extend(poses.next_if(|pose| (pose.sequence, pose.device_micros) == key).map(Record::Pose));
+    }
+    Ok(take.with_records(records))
 }
 
 fn report(

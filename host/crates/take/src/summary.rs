@@ -141,7 +141,8 @@ pub fn summarize(take: &Take) -> Summary {
             | Record::Calibration(_)
             | Record::Mapping(_)
             | Record::Engagement { .. }
-            | Record::ReadingsReturn { .. } => {}
+            | Record::ReadingsReturn { .. }
+            | Record::Ground(_) => {}
         }
     }
     summary.duration_seconds = if summary.samples > 0 { last.saturating_sub(first) as f64 * 1e-6 } else { 0.0 };

@@ -5,7 +5,7 @@ mod recognised;
 
 use std::path::Path;
 
-use armature_rig::{Motion, PartUid, Skeleton};
+use armature_rig::{GroundMode, Motion, PartUid, Skeleton};
 use armature_take::{ClockFault, Record, Summary, Take};
 use serde_json::{Value, json};
 
@@ -127,6 +127,11 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
             words.push(format!("with preferences: {}", ik.preferences.join(", ")));
         }
     }
+    if let Some(ground) = take.ground() {
+        let skeleton = take.skeleton().map(Skeleton::bones).unwrap_or_default();
+        let contacts: Vec<&str> = ground.contacts.iter().map(|&bone| skeleton[bone].name.as_str()).collect();
+        words.push(format!("{} on the floor: {}", stands(ground.mode), contacts.join(", ")));
+    }
     words.push(if report.is_whole() {
         "complete: ended cleanly, every checksum is right".into()
     } else {
@@ -159,10 +164,20 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         "resyncs": summary.resyncs, "whole": report.is_whole(),
         "inverse_kinematics_pins": header.inverse_kinematics.as_ref().map(|ik| &ik.pins),
         "inverse_kinematics_preferences": header.inverse_kinematics.as_ref().map(|ik| &ik.preferences),
+        "ground": take.ground().map(|ground| json!({
+            "mode": stands(ground.mode), "floor": ground.floor, "contacts": ground.contacts,
+        })),
         "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "joints": joints,
         "receipt": crate::takes::receipt::to_json(&receipt),
     });
     Ok((words, value))
+}
+
+fn stands(mode: GroundMode) -> &'static str {
+    match mode {
+        GroundMode::Stand => "stands",
+        GroundMode::Walk => "walks",
+    }
 }
 
 /// What was wrong with the clock and the sensors while the take was recorded.

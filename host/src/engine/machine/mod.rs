@@ -27,6 +27,7 @@ use super::puppeteer::{Puppeteer, ZeroPolicy};
 use super::run::{Run, STATUS_SECONDS};
 use super::run_summary::RunSummary;
 use crate::characters::LoadedCharacter;
+use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::failure::Failure;
 
@@ -49,6 +50,8 @@ pub struct EngineSettings {
     pub calibration: Calibration,
     /// What happens to bones without a joint.
     pub ik: IkArgs,
+    /// How the roots follow the feet.
+    pub ground: GroundArgs,
     /// The durations of calibration steps.
     pub step_times: StepTimes,
     /// Whether frames are drawn.
@@ -63,6 +66,7 @@ impl Default for EngineSettings {
             mapping: None,
             calibration: Calibration::default(),
             ik: IkArgs::default(),
+            ground: GroundArgs::default(),
             step_times: StepTimes::default(),
             draws: true,
         }
@@ -295,10 +299,11 @@ impl Engine {
             (None, _) => &self.settings.calibration,
         };
         let hints = if let Line::Open(open) = &self.line { open.hints.clone() } else { PuppetHints::default() };
-        let EngineSettings { mapping, zero_policy, ik, .. } = &self.settings;
+        let EngineSettings { mapping, zero_policy, ik, ground, .. } = &self.settings;
         let puppeteer = Puppeteer::new(character.clone(), mapping.clone(), calibration.clone(), *zero_policy)?
             .with_hints(hints)
-            .with_inverse_kinematics(ik)?;
+            .with_inverse_kinematics(ik)?
+            .with_ground(ground)?;
         shell.tell(EngineEvent::CharacterLoaded(character));
         self.frame_waits = false;
         match &mut self.pipeline {

@@ -3,6 +3,7 @@
 use super::completion::PoseCompletion;
 use super::solver::{PoseSolver, SampleError};
 use crate::calibration::Calibration;
+use crate::ground::{Ground, GroundContact, GroundError};
 use crate::mapping::{Mapping, MappingError};
 use crate::puppet::{JointTree, RawSample};
 use crate::skeleton::{Pose, Skeleton};
@@ -31,6 +32,7 @@ pub struct StreamSolver {
     pose: Pose,
     /// The latest pose including the bones that no joint drives; in `pose` itself those are at rest.
     completed: Pose,
+    ground: Option<GroundContact>,
 }
 
 /// Why a sample has no pose.
@@ -74,6 +76,7 @@ impl StreamSolver {
             engage_micros: 0,
             return_micros: 0,
             engage_all: false,
+            ground: None,
         }
     }
 
@@ -115,6 +118,18 @@ impl StreamSolver {
         }
     }
 
+    /// From the next sample on, the roots follow the foot on the floor, beginning where the skeleton rests; with `None`
+    /// (as at first) they stay where they are.
+    pub fn set_ground(&mut self, ground: Option<Ground>) -> Result<(), GroundError> {
+        self.ground = ground.map(|ground| GroundContact::new(&self.skeleton, ground)).transpose()?;
+        Ok(())
+    }
+
+    /// How the roots follow the feet.
+    pub fn ground(&self) -> Option<&GroundContact> {
+        self.ground.as_ref()
+    }
+
     /// Forgets earlier readings; skeleton, topology, calibration, mapping and the way parts come back are kept. From
     /// now on poses depend only on samples from now on, as in the replay of a take that begins here.
     pub fn forget_past(&mut self) {
@@ -123,6 +138,9 @@ impl StreamSolver {
         self.stale = true;
         self.engage_all = false;
         self.pose = self.skeleton.rest_pose();
+        if let Some(ground) = &mut self.ground {
+            ground.restart();
+        }
     }
 
     /// The skeleton.
@@ -161,8 +179,8 @@ impl StreamSolver {
     }
 
     /// The whole pose of the next sample: first the bones that joints drive ([`solve`](Self::solve)), then the others
-    /// by `completion`; without one they stay at rest. Playback, replay and export all pose with this function, so that
-    /// they cannot diverge.
+    /// by `completion`; without one they stay at rest. Last, the roots follow the feet, where [`Self::set_ground`] says so.
+    /// Playback, replay and export all pose with this function, so that they cannot diverge.
     pub fn solve_completed(
         &mut self,
         sample: &RawSample,
@@ -172,6 +190,9 @@ impl StreamSolver {
         self.completed.parent_from_bone.clone_from(&self.pose.parent_from_bone);
         if let (Some(completion), Some(solver)) = (completion, &self.solver) {
             completion.complete(solver.bone_status(), &mut self.completed);
+        }
+        if let Some(ground) = &mut self.ground {
+            ground.follow(sample.device_micros, &self.skeleton, &mut self.completed);
         }
         Ok(&self.completed)
     }

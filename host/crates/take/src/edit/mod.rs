@@ -13,7 +13,7 @@ mod timing;
 
 use std::ops::ControlFlow;
 
-use armature_rig::{Filter, Pose, PoseCompletion, Skeleton};
+use armature_rig::{Filter, GroundContact, Pose, PoseCompletion, Skeleton};
 
 use self::mirror::Mirror;
 use self::performance::{Performance, chosen, micros};
@@ -216,6 +216,7 @@ impl Work<'_> {
             let all = (0..).map_while(|index| timeline.as_ref()?.get(index));
             poses = all.map(|(seconds, pose)| (micros(seconds), take.unpack(pose))).collect();
         }
+        stand(take, self.skeleton, &mut poses)?;
         let performance = Performance { poses, ..Performance::default() };
         if performance.poses.is_empty() { Err(EditError::NothingLeft { edit: 0 }) } else { Ok(performance) }
     }
@@ -357,6 +358,17 @@ impl Work<'_> {
             notes: self.notes,
         }
     }
+}
+
+/// The roots follow the feet as they did in the take, now that all layers are there.
+fn stand(take: &Take, skeleton: &Skeleton, poses: &mut [(i64, Pose)]) -> Result<(), EditError> {
+    let Some(ground) = take.ground() else { return Ok(()) };
+    let mut contact = GroundContact::new(skeleton, ground.clone()).map_err(|why| bad(0, why.to_string()))?;
+    let first = poses.first().map_or(0, |(micros, _)| *micros);
+    for (micros, pose) in poses {
+        contact.follow(micros.saturating_sub(first).max(0).unsigned_abs(), skeleton, pose);
+    }
+    Ok(())
 }
 
 fn bad(edit: usize, what: String) -> EditError {

@@ -65,7 +65,8 @@ fn driven(
                     out.push((time, pose, status));
                 }
             }
-            Record::Skeleton(_) | Record::Pose(_) | Record::Event(_) => {}
+            // The ground follows once all layers are there.
+            Record::Skeleton(_) | Record::Pose(_) | Record::Event(_) | Record::Ground(_) => {}
         }
         if index.is_multiple_of(1024) && progress(index as f64 / take.records().len() as f64).is_break() {
             return Err(Cancelled);

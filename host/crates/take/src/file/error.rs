@@ -2,7 +2,7 @@
 
 use std::io;
 
-use armature_rig::{JointTreeError, SkeletonError};
+use armature_rig::{GroundError, JointTreeError, SkeletonError};
 
 use super::format::{MAJOR_VERSION, MAX_PAYLOAD_BYTES};
 
@@ -95,6 +95,9 @@ pub enum PayloadError {
     /// The bones are not a skeleton.
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
+    /// The skeleton cannot stand like this.
+    #[error(transparent)]
+    Ground(#[from] GroundError),
     /// The parts are not a puppet.
     #[error(transparent)]
     JointTree(#[from] JointTreeError),

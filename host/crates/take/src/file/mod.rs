@@ -56,6 +56,8 @@
 //! | 11 engagement, from here on | `u32` microseconds over which a part that comes back takes its bone along · `u8` 1: the whole puppet comes back here |
 //! | 12 return of readings, from here on | `u32` microseconds, at most, over which a joint whose readings were missing takes its bone along; no longer than they were missing |
 //!
+//! | 13 ground, behind the skeleton, from here on | `u8` mode: 0 off (nothing follows), 1 stand, 2 walk · `f32` height of the floor · `u16` contacts · for each: `u16` bone · `u32` points of the skin · for each: `u16` bone · 3 `f32` place in the bone's frame |
+//!
 //! Fields whose flag is not set contain zero. Equal content gives equal bytes.
 //!
 //! # What a crash leaves, and what damage loses
@@ -68,7 +70,7 @@
 //! # Compatibility
 //!
 //! - A reader refuses another major version, and says so.
-//! - Types 10, 11 and 12 and events 7, 8 and 9 were added after the first takes of version 1.0 and only appear in takes that need
+//! - Types 10 to 13 and events 7, 8 and 9 were added after the first takes of version 1.0 and only appear in takes that need
 //!   them; older programs skip them and say so.
 //! - A higher minor version may bring new record types, which older readers skip by their length and report, and may
 //!   append fields to payloads, which older readers ignore. Event codes may be added in the same way; a reader skips an

@@ -1,8 +1,8 @@
-//! The payloads of calibration, joint settings and mapping.
+//! The payloads of calibration, joint settings, mapping and ground.
 
 use armature_rig::{
-    Calibration, Filter, JointAxis, Mapping, MappingEntry, OneEuro, PartSettings, PartUid, SensorCalibration,
-    SensorRange,
+    Calibration, Filter, Ground, GroundMode, GroundPoint, JointAxis, Mapping, MappingEntry, OneEuro, PartSettings,
+    PartUid, SensorCalibration, SensorRange, Skeleton,
 };
 use glam::Quat;
 
@@ -192,4 +192,51 @@ fn read_entries(fields: &mut Fields<'_>, count: usize) -> Result<Vec<MappingEntr
         entries.push(MappingEntry { part, bone, mounting: fields.quat("mounting")? });
     }
     Ok(entries)
+}
+
+mod ground_mode {
+    pub(super) const OFF: u8 = 0;
+    pub(super) const STAND: u8 = 1;
+    pub(super) const WALK: u8 = 2;
+}
+
+pub(super) fn put_ground(out: &mut Vec<u8>, ground: Option<&Ground>) -> Result<(), WriteError> {
+    let Some(ground) = ground else {
+        out.put_u8(ground_mode::OFF);
+        return Ok(());
+    };
+    out.put_u8(match ground.mode {
+        GroundMode::Stand => ground_mode::STAND,
+        GroundMode::Walk => ground_mode::WALK,
+    });
+    out.put_f32(ground.floor);
+    put_count(out, "the contacts", ground.contacts.len(), Skeleton::MAX_BONES)?;
+    ground.contacts.iter().for_each(|&bone| out.put_u16(bone as u16));
+    out.put_u32(ground.points.len() as u32);
+    for point in &ground.points {
+        out.put_u16(point.bone as u16);
+        out.put_vec3(point.at);
+    }
+    Ok(())
+}
+
+pub(super) fn read_ground(
+    fields: &mut Fields<'_>,
+    skeleton: Option<&Skeleton>,
+) -> Result<Option<Ground>, PayloadError> {
+    let mode = match fields.u8("mode")? {
+        ground_mode::OFF => return Ok(None),
+        ground_mode::STAND => GroundMode::Stand,
+        ground_mode::WALK => GroundMode::Walk,
+        value => return Err(PayloadError::UnknownCode { field: "mode", value: value.into() }),
+    };
+    let mut ground = Ground { mode, floor: fields.f32("floor")?, contacts: Vec::new(), points: Vec::new() };
+    for _ in 0..fields.u16("contact count")? {
+        ground.contacts.push(fields.u16("contact")?.into());
+    }
+    for _ in 0..fields.u32("point count")? {
+        ground.points.push(GroundPoint { bone: fields.u16("bone")?.into(), at: fields.vec3("point")? });
+    }
+    ground.check(skeleton.ok_or(PayloadError::NoSkeleton)?)?;
+    Ok(Some(ground))
 }

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use armature_rig::{Calibration, Pose, Skeleton};
+use armature_rig::{Calibration, Ground, Pose, Skeleton};
 
 use super::bytes::Fields;
 use super::error::{PayloadError, TakeError, WriteError};
@@ -90,6 +90,22 @@ impl Take {
         self.records.iter().filter_map(|record| if let Record::Event(event) = record { Some(event) } else { None })
     }
 
+    /// How the roots follow the feet, as last said; `None` where they do not.
+    pub fn ground(&self) -> Option<&Ground> {
+        let said = self
+            .records
+            .iter()
+            .rev()
+            .find_map(|record| if let Record::Ground(ground) = record { Some(ground) } else { None });
+        said.and_then(Option::as_ref)
+    }
+
+    /// The same take with other records.
+    pub(crate) fn with_records(&self, records: Vec<Record>) -> Self {
+        let skeleton = records.iter().position(|record| matches!(record, Record::Skeleton(_)));
+        Self { header: self.header.clone(), records, skeleton, end: self.end }
+    }
+
     /// A pose with every bone; empty for a take without a skeleton.
     pub fn unpack(&self, packed: &PackedPose) -> Pose {
         let mut pose = Pose::default();
@@ -165,6 +181,7 @@ impl Take {
             RecordKind::Engagement => {
                 Record::Engagement { micros: fields.u32("time")?, all: fields.u8("whole puppet")? != 0 }
             }
+            RecordKind::Ground => Record::Ground(payload_rig::read_ground(fields, self.skeleton())?),
             RecordKind::ReadingsReturn => Record::ReadingsReturn { micros: fields.u32("time")? },
             RecordKind::End => return payload::read_totals(fields).map(Read::End),
         }))

@@ -1,6 +1,6 @@
 //! The contents of a take.
 
-use armature_rig::{Calibration, JointTree, Mapping, RawSample, Skeleton};
+use armature_rig::{Calibration, Ground, JointTree, Mapping, RawSample, Skeleton};
 
 use super::packed_pose::PackedPose;
 use super::record_kind::RecordKind;
@@ -192,6 +192,8 @@ pub enum Record {
         /// Over how long at most, microseconds of the device's clock; no longer than they were missing.
         micros: u32,
     },
+    /// How the roots follow the feet, from here on, beginning anew; `None`: they do not.
+    Ground(Option<Ground>),
 }
 
 impl Record {
@@ -207,6 +209,7 @@ impl Record {
             Self::Event(_) => RecordKind::Event,
             Self::Engagement { .. } => RecordKind::Engagement,
             Self::ReadingsReturn { .. } => RecordKind::ReadingsReturn,
+            Self::Ground(_) => RecordKind::Ground,
         }
     }
 }

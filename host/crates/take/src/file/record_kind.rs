@@ -32,6 +32,8 @@ pub enum RecordKind {
     Engagement = 11,
     /// [`Record::ReadingsReturn`](super::Record::ReadingsReturn).
     ReadingsReturn = 12,
+    /// [`Record::Ground`](super::Record::Ground).
+    Ground = 13,
 }
 
 impl RecordKind {
@@ -50,6 +52,7 @@ impl RecordKind {
             10 => Self::JointSettings,
             11 => Self::Engagement,
             12 => Self::ReadingsReturn,
+            13 => Self::Ground,
             _ => return None,
         })
     }
@@ -62,7 +65,9 @@ impl RecordKind {
     /// A generous limit on payloads, used only to skip false starts when searching after damage.
     pub(super) fn plausible_payload_bytes(self) -> usize {
         match self {
-            Self::Skeleton | Self::Calibration | Self::Mapping | Self::JointSettings => MAX_PAYLOAD_BYTES,
+            Self::Skeleton | Self::Calibration | Self::Mapping | Self::JointSettings | Self::Ground => {
+                MAX_PAYLOAD_BYTES
+            }
             Self::Pose => 4 << 20,
             Self::Header
             | Self::Topology
@@ -90,6 +95,7 @@ impl fmt::Display for RecordKind {
             Self::JointSettings => "joint settings",
             Self::Engagement => "engagement",
             Self::ReadingsReturn => "return of readings",
+            Self::Ground => "ground",
         })
     }
 }

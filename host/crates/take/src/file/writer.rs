@@ -2,7 +2,7 @@
 
 use std::io;
 
-use armature_rig::{Calibration, JointTree, Mapping, Pose, RawSample, Skeleton};
+use armature_rig::{Calibration, Ground, JointTree, Mapping, Pose, RawSample, Skeleton};
 
 use super::bytes::Put;
 use super::error::WriteError;
@@ -111,6 +111,11 @@ impl<W: io::Write> TakeWriter<W> {
         })
     }
 
+    /// How the roots follow the feet from here on; `None`: they do not.
+    pub fn ground(&mut self, ground: Option<&Ground>) -> Result<(), WriteError> {
+        self.write(RecordKind::Ground, |payload| payload_rig::put_ground(payload, ground))
+    }
+
     /// Any record, as stored in a take that was read.
     pub fn record(&mut self, record: &Record) -> Result<(), WriteError> {
         match record {
@@ -123,6 +128,7 @@ impl<W: io::Write> TakeWriter<W> {
             Record::Event(event) => self.event(event),
             Record::Engagement { micros, all } => self.engagement(*micros, *all),
             Record::ReadingsReturn { micros } => self.readings_return(*micros),
+            Record::Ground(ground) => self.ground(ground.as_ref()),
         }
     }
 
