@@ -34,12 +34,12 @@
 //! |---|---|
 //! | [`handles`] | [`handle_boundary`](handles::handle_boundary): turns bones, points, regions and cages into fixed vertices; [`free_joints`](handles::free_joints) |
 //! | [`biharmonic`] | [`bounded_biharmonic_weights`](biharmonic::bounded_biharmonic_weights), [`exact_partition_weights`](biharmonic::exact_partition_weights), [`shape_preservation`](biharmonic::shape_preservation) |
-//! | [`monotone`] | [`monotone_weights`](monotone::monotone_weights), [`monotone_functions`](monotone::monotone_functions): controlled extrema, smoothness of order 2 to 4 |
+//! | [`monotone`] | [`monotone_weights`](monotone::monotone_weights), [`monotone_functions`](monotone::monotone_functions): controlled extrema, smoothness of order 2 to 4; [`monotone_interpolation`](monotone::monotone_interpolation), [`smooth_keeping`](monotone::smooth_keeping) |
 //! | [`heat`] | [`bone_heat`](heat::bone_heat) |
 //! | [`finish`] | [`follow_nearest_handle`](finish::follow_nearest_handle), [`normalise`](finish::normalise), [`sparsify`](finish::sparsify) |
 //! | [`endpoints`] | [`endpoint_weights`](endpoints::endpoint_weights), [`joint_weights`](endpoints::joint_weights), [`projected_endpoint_weights`](endpoints::projected_endpoint_weights): for bones that stretch and twist |
 //! | [`harmonic`] | [`harmonic_function`](harmonic::harmonic_function), [`positive_conductances`](harmonic::positive_conductances) |
-//! | [`extrema`] | [`local_extrema`](extrema::local_extrema), [`persistence`](extrema::persistence), [`order_with_extrema`](extrema::order_with_extrema) |
+//! | [`extrema`] | [`local_extrema`](extrema::local_extrema), [`spurious_extrema`](extrema::spurious_extrema), [`persistence`](extrema::persistence), [`order_with_extrema`](extrema::order_with_extrema) |
 //! | [`additional`] | [`additional_weights`](additional::additional_weights): further functions for reduced deformations |
 //!
 //! This crate does no I/O, reads no clock and prints nothing. Long computations report the current stage, in a few
@@ -53,6 +53,7 @@ mod bone_segment;
 pub mod endpoints;
 pub mod extrema;
 pub mod finish;
+mod function_domain;
 mod gather_reports;
 pub mod handles;
 pub mod harmonic;
@@ -63,5 +64,6 @@ mod sparse;
 mod weight_matrix;
 
 pub use bone_segment::BoneSegment;
+pub use function_domain::FunctionDomain;
 pub use sparse::cholesky::CholeskyError;
 pub use weight_matrix::WeightMatrix;

@@ -15,7 +15,8 @@ use armature_weights::finish::normalise;
 use armature_weights::handles::HandleBoundary;
 use armature_weights::monotone::{
     ConicOutcome, ConicProblem, Data, Keep, MonotoneError, MonotoneFunction, MonotoneProblem, MonotoneSettings,
-    PrescribedFunction, Role, interior_point, least_squares_form, monotone_functions, monotone_weights, smooth_keeping,
+    PrescribedFunction, Role, ValueSource, interior_point, least_squares_form, monotone_functions,
+    monotone_interpolation, monotone_weights, smooth_keeping,
 };
 use support::{flat_shape, nearest, solid_shape};
 
@@ -254,6 +255,36 @@ fn noisy_data_keep_exactly_the_chosen_extrema() {
     assert!(rms(&made.function.values) < 0.6 * rms(data.values), "{} {}", rms(&made.function.values), rms(data.values));
     let nothing = smooth_keeping(&shape.problem(2), data, Keep::Persistence(9.0), &settings, &mut on);
     assert!(matches!(nothing, Err(MonotoneError::NothingKept { most }) if most > 1.0), "{nothing:?}");
+}
+
+#[test]
+fn values_spread_within_their_range_and_two_without_extrema_of_their_own() {
+    let (shape, places) = propeller(0.125);
+    let at: Vec<usize> = places.iter().map(|&place| nearest(&shape.vertices, place)).collect();
+    let source = |vertex: usize, value: &[f64]| ValueSource { vertices: vec![vertex], value: value.to_vec() };
+    let settings = MonotoneSettings::default();
+    for order in 2..=4 {
+        let problem = shape.problem(order);
+        let two = [source(at[0], &[10.0, -1.0]), source(at[2], &[20.0, -1.5])];
+        let made = monotone_interpolation(&problem, &two, &settings, &mut on).unwrap();
+        assert_eq!((made.reports.len(), made.columns.len(), &made.unreached[..]), (1, 2, &[][..]));
+        assert!(made.spurious.iter().all(Vec::is_empty), "order {order}: {:?}", made.spurious);
+        assert!(made.columns[0].iter().all(|value| (10.0..=20.0).contains(value)));
+        assert!((made.columns[1][at[2]] + 1.5).abs() < 1e-15 && (made.columns[1][at[0]] + 1.0).abs() < 1e-15);
+        let three = [source(at[0], &[1.0]), source(at[1], &[5.0]), source(at[2], &[2.0])];
+        let made = monotone_interpolation(&problem, &three, &settings, &mut on).unwrap();
+        assert_eq!(made.reports.len(), 3);
+        assert!(made.columns[0].iter().all(|value| (1.0..=5.0).contains(value)));
+    }
+    let problem = shape.problem(2);
+    let one = monotone_interpolation(&problem, &[source(at[0], &[3.0])], &settings, &mut on).unwrap();
+    assert!(one.columns[0].iter().all(|value| (value - 3.0).abs() < 1e-12));
+    let twice = [source(at[0], &[3.0]), source(at[0], &[4.0])];
+    let twice = monotone_interpolation(&problem, &twice, &settings, &mut on);
+    assert_eq!(twice.map(|_| ()), Err(MonotoneError::FixedTwice { vertex: at[0] }));
+    let mixed = [source(at[0], &[3.0]), source(at[1], &[4.0, 5.0])];
+    let mixed = monotone_interpolation(&problem, &mixed, &settings, &mut on);
+    assert!(matches!(mixed, Err(MonotoneError::Size { given: 2, wanted: 1, .. })), "{mixed:?}");
 }
 
 #[test]

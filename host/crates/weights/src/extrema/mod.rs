@@ -2,6 +2,7 @@
 //! ones.
 //!
 //! - [`local_extrema`] finds them exactly, plateaus included;
+//! - [`spurious_extrema`] leaves out those that a function is expected to have;
 //! - [`persistence`] pairs each with the saddle that ends it (Edelsbrunner et al. 2002; thesis 5.3.3);
 //! - [`order_with_extrema`] sorts vertices so that none but the given ones is lowest or highest among its neighbours.
 //!
@@ -23,9 +24,11 @@ mod local_extrema;
 mod monotone_order;
 mod neighbours;
 mod persistence;
+mod spurious;
 
 pub use error::ExtremaError;
 pub use local_extrema::{Extrema, Extremum, local_extrema};
 pub use monotone_order::{MonotoneOrder, order_with_extrema};
 pub use neighbours::Neighbours;
 pub use persistence::{PersistentExtremum, persistence};
+pub use spurious::{Expected, spurious_extrema};

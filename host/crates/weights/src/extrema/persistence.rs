@@ -21,11 +21,21 @@ pub struct PersistentExtremum {
 /// The extrema of a function, one value for each vertex, most persistent first. A plateau is one extremum, and a piece
 /// of the mesh of one value has none.
 pub fn persistence(neighbours: &Neighbours, values: &[f64]) -> Result<Vec<PersistentExtremum>, ExtremaError> {
+    persistence_preferring(neighbours, values, |_| false)
+}
+
+/// The same; of extrema with equal values, those with a preferred vertex count as the more extreme ones.
+pub(super) fn persistence_preferring(
+    neighbours: &Neighbours,
+    values: &[f64],
+    is_preferred: impl Fn(usize) -> bool,
+) -> Result<Vec<PersistentExtremum>, ExtremaError> {
     neighbours.check(values)?;
     let mut order: Vec<usize> = (0..values.len()).collect();
-    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]).then(a.cmp(&b)));
+    let preferred = |a: usize, b: usize| is_preferred(b).cmp(&is_preferred(a));
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]).then(preferred(a, b)).then(a.cmp(&b)));
     let mut found = merge(neighbours, values, &order, true);
-    order.reverse();
+    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]).then(preferred(a, b)).then(b.cmp(&a)));
     found.extend(merge(neighbours, values, &order, false));
     found.retain(|extremum| extremum.persistence > 0.0);
     found.sort_by(|a, b| b.persistence.total_cmp(&a.persistence).then(a.vertex.cmp(&b.vertex)));

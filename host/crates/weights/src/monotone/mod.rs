@@ -4,6 +4,7 @@
 //!
 //! - [`monotone_functions`] takes any prescribed values, an order of smoothness, and optionally data to stay close to;
 //! - [`monotone_weights`] takes handles;
+//! - [`monotone_interpolation`] spreads values and colours from points, curves and regions;
 //! - [`smooth_keeping`] smooths noisy data and keeps exactly the extrema that matter;
 //! - [`interior_point`] solves the same problem in the paper's conic form, for comparison.
 //!
@@ -37,9 +38,11 @@ mod error;
 mod interior_point;
 mod least_squares_form;
 mod monotone_functions;
+mod monotone_interpolation;
 mod monotone_weights;
 mod polyharmonic;
 mod prescribed;
+mod primal_dual;
 mod problem;
 mod representative;
 mod rising_edges;
@@ -49,6 +52,7 @@ pub use error::MonotoneError;
 pub use interior_point::{ConicError, ConicOutcome, ConicProblem, ConicSolution, interior_point};
 pub use least_squares_form::least_squares_form;
 pub use monotone_functions::{MonotoneFunction, MonotoneOutcome, MonotoneReport, MonotoneSettings, monotone_functions};
+pub use monotone_interpolation::{MonotoneInterpolation, ValueSource, monotone_interpolation};
 pub use monotone_weights::{MonotoneWeights, monotone_weights};
 pub use prescribed::{PrescribedFunction, Role};
 pub use problem::{Data, MonotoneProblem};

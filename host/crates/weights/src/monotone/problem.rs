@@ -29,3 +29,11 @@ pub struct Data<'a> {
     /// Its weight against smoothness, not negative.
     pub fidelity: f64,
 }
+
+impl Data<'_> {
+    /// The fidelity with which a wave of this length (mesh unit) on a large flat mesh keeps half of its height; shorter
+    /// ones keep less. `order` is that of the smoothness energy.
+    pub fn fidelity_for(wavelength: f64, order: usize) -> f64 {
+        (std::f64::consts::TAU / wavelength).powi(2 * order as i32)
+    }
+}

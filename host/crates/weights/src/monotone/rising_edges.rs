@@ -28,6 +28,12 @@ const PAYS: f64 = 0.5;
 /// ... and after this many of those in a row the best is all there is.
 const PATIENCE: usize = 12;
 
+/// Steps that the primal-dual method usually takes.
+const PRIMAL_DUAL_STEPS: f64 = 15.0;
+
+/// Solving with a factor waits for memory where factorising computes: an operation of the former takes this much longer.
+const MEMORY_BOUND: f64 = 8.0;
+
 /// What counts as done: no value farther than `error_bound` from the optimal one, and no energy lower by more than
 /// `relative_gap`.
 #[derive(Clone, Copy, Debug)]
@@ -71,9 +77,46 @@ pub(crate) struct RisingEdges<'a> {
 }
 
 impl RisingEdges<'_> {
-    /// Steps from `start` (n) until the certificate is as wanted, the limit is reached, or nothing is gained any more.
+    /// Cheap steps first; where they do not get as far as wanted, those of the primal-dual method, from the best found.
     /// `None` if `go_on` said so.
     pub(crate) fn solve(
+        &self,
+        start: &[f64],
+        wanted: &Wanted,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Ended>, MonotoneError> {
+        let most_steps = wanted.most_steps.min(self.worthwhile_steps());
+        let Some(first) = self.solve_alternating(start, &Wanted { most_steps, ..*wanted }, go_on)? else {
+            return Ok(None);
+        };
+        if first.converged {
+            return Ok(Some(first));
+        }
+        let Some(second) = self.solve_primal_dual(&first.found.values, wanted, go_on)? else { return Ok(None) };
+        let steps = first.steps + second.steps;
+        let factorisations = first.factorisations + second.factorisations;
+        let found = if second.found.gap < first.found.gap { second.found } else { first.found };
+        Ok(Some(Ended { found, steps, factorisations, converged: second.converged }))
+    }
+
+    /// As many steps with one factor as take about the time of the primal-dual method's factorisations: on surfaces, whose
+    /// factors are sparse, a few, and in volumes hundreds.
+    fn worthwhile_steps(&self) -> usize {
+        let (mut work, mut stored) = (0.0, 0.0);
+        for block in self.energy.factor.blocks() {
+            for column in 0..block.width {
+                let height = (block.width - column + block.pattern.len()) as f64;
+                work += height * height;
+                stored += height;
+            }
+        }
+        let steps = PRIMAL_DUAL_STEPS * work / (MEMORY_BOUND * 4.0 * f64::max(stored, 1.0));
+        (steps as usize).max(2 * ROUND)
+    }
+
+    /// Steps from `start` (n) until the certificate is as wanted, the limit is reached, or nothing is gained any more.
+    /// `None` if `go_on` said so.
+    fn solve_alternating(
         &self,
         start: &[f64],
         wanted: &Wanted,
@@ -89,7 +132,7 @@ impl RisingEdges<'_> {
         let mut free = self.right.to_vec();
         self.energy.factor.solve_here(&mut free).map_err(failed)?;
         let mut stiffness = self.stiffness(&free).max(f64::MIN_POSITIVE);
-        let mut factor = self.factor(stiffness)?;
+        let mut factor = self.factor(|_| stiffness)?;
         let mut points = self.rises(&unknowns);
         let mut memory = Anderson::new();
         let (mut steps, mut factorisations, mut unpaid) = (0, 1, 0);
@@ -118,7 +161,7 @@ impl RisingEdges<'_> {
                 let scaled = stiffness / better;
                 points.iter_mut().filter(|point| **point < margin).for_each(|p| *p = margin + scaled * (*p - margin));
                 stiffness = better;
-                factor = self.factor(stiffness)?;
+                factor = self.factor(|_| stiffness)?;
                 factorisations += 1;
                 memory = Anderson::new();
             }
@@ -126,7 +169,8 @@ impl RisingEdges<'_> {
         Ok(Some(ended(best, steps, factorisations, false)))
     }
 
-    fn allowed(&self, energy: f64, wanted: &Wanted) -> f64 {
+    /// The gap that is small enough.
+    pub(crate) fn allowed(&self, energy: f64, wanted: &Wanted) -> f64 {
         let Wanted { error_bound, relative_gap, .. } = wanted;
         (0.5 * error_bound * error_bound / self.energy.largest_inverse).min(relative_gap * energy.abs())
     }
@@ -141,17 +185,10 @@ impl RisingEdges<'_> {
     ) -> Result<Vec<f64>, CholeskyError> {
         let margin = self.edges.margin;
         let mut unknowns = self.right.to_vec();
-        for (k, &[low, high]) in self.edges.edges.iter().enumerate() {
-            let (low_at, high_at) = (self.energy.place[low as usize], self.energy.place[high as usize]);
-            let known = self.fixed[high as usize] - self.fixed[low as usize];
-            let pull = stiffness * (2.0 * points[k].max(margin) - points[k] - known);
-            if low_at != NONE {
-                unknowns[low_at as usize] -= pull;
-            }
-            if high_at != NONE {
-                unknowns[high_at as usize] += pull;
-            }
-        }
+        self.add_transposed(&mut unknowns, |k| {
+            let [low, high] = self.edges.edges[k].map(|vertex| vertex as usize);
+            stiffness * (2.0 * points[k].max(margin) - points[k] - (self.fixed[high] - self.fixed[low]))
+        });
         factor.solve_here(&mut unknowns)?;
         let rises = self.rises(&unknowns);
         let image = points.iter().zip(rises).map(|(p, rise)| p + RELAXATION * (rise - p.max(margin))).collect();
@@ -160,7 +197,7 @@ impl RisingEdges<'_> {
     }
 
     /// The rise along each edge.
-    fn rises(&self, unknowns: &[f64]) -> Vec<f64> {
+    pub(crate) fn rises(&self, unknowns: &[f64]) -> Vec<f64> {
         let value = |vertex: u32| match self.energy.place[vertex as usize] {
             NONE => self.fixed[vertex as usize],
             place => unknowns[place as usize],
@@ -168,10 +205,34 @@ impl RisingEdges<'_> {
         self.edges.edges.iter().map(|&[low, high]| value(high) - value(low)).collect()
     }
 
-    /// `A + stiffness · Σ (rise)²`, factorised.
-    fn factor(&self, stiffness: f64) -> Result<SparseCholesky, MonotoneError> {
+    /// How much each rise changes with the unknowns.
+    pub(crate) fn changes(&self, unknowns: &[f64]) -> Vec<f64> {
+        let change = |vertex: u32| match self.energy.place[vertex as usize] {
+            NONE => 0.0,
+            place => unknowns[place as usize],
+        };
+        self.edges.edges.iter().map(|&[low, high]| change(high) - change(low)).collect()
+    }
+
+    /// Adds the unknowns' part of `Dᵀ` times one number for each edge.
+    pub(crate) fn add_transposed(&self, sums: &mut [f64], of_edge: impl Fn(usize) -> f64) {
+        for (k, &[low, high]) in self.edges.edges.iter().enumerate() {
+            let (low_at, high_at) = (self.energy.place[low as usize], self.energy.place[high as usize]);
+            let value = of_edge(k);
+            if low_at != NONE {
+                sums[low_at as usize] -= value;
+            }
+            if high_at != NONE {
+                sums[high_at as usize] += value;
+            }
+        }
+    }
+
+    /// `A + Σ stiffness (rise)²`, factorised.
+    pub(crate) fn factor(&self, stiffness: impl Fn(usize) -> f64) -> Result<SparseCholesky, MonotoneError> {
         let mut matrix = self.energy.hessian.clone();
-        for &[low, high] in &self.edges.edges {
+        for (k, &[low, high]) in self.edges.edges.iter().enumerate() {
+            let stiffness = stiffness(k);
             let [a, b] = [low, high].map(|vertex| self.energy.place[vertex as usize]);
             let diagonal = [a, b].into_iter().filter(|place| *place != NONE).map(|k| (k, k, stiffness));
             let both = (a != NONE && b != NONE).then_some([(a, b, -stiffness), (b, a, -stiffness)]);
@@ -193,7 +254,7 @@ impl RisingEdges<'_> {
     /// Mends unknowns and bounds how far the result is from the optimum: for multipliers `λ ≥ 0` of the rises `D f`, no
     /// function has an energy lower than this one's by more than `½ rᵀ A⁻¹ r + λᵀ (D f - margin)`, where
     /// `r = A f - b - Dᵀ λ`.
-    fn certify(&self, unknowns: &[f64], multipliers: &[f64]) -> Found {
+    pub(crate) fn certify(&self, unknowns: &[f64], multipliers: &[f64]) -> Found {
         let mut before = self.fixed.to_vec();
         self.energy.put(unknowns, &mut before);
         let values = self.edges.repair(&before);
@@ -201,15 +262,10 @@ impl RisingEdges<'_> {
         let mut residual = vec![0.0; mended.len()];
         self.energy.hessian.multiply_into(&mended, &mut residual);
         residual.iter_mut().zip(self.right).for_each(|(r, b)| *r -= b);
+        self.add_transposed(&mut residual, |k| -multipliers[k]);
         let mut slack = 0.0;
         for (&[low, high], &multiplier) in self.edges.edges.iter().zip(multipliers) {
             let [low_at, high_at] = [low, high].map(|vertex| self.energy.place[vertex as usize]);
-            if low_at != NONE {
-                residual[low_at as usize] += multiplier;
-            }
-            if high_at != NONE {
-                residual[high_at as usize] -= multiplier;
-            }
             // Between two fixed vertices there is nothing to decide.
             if low_at != NONE || high_at != NONE {
                 let rise = values[high as usize] - values[low as usize];
