@@ -15,6 +15,7 @@ mod device;
 #[cfg(feature = "window")]
 mod gpu_skinning;
 mod heat;
+mod monotone;
 mod peak_memory;
 mod pose;
 mod protocol;
@@ -121,6 +122,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: volume::NAMES, run: volume::run },
     Benchmark { names: volume_growth::NAMES, run: volume_growth::run },
     Benchmark { names: weights::NAMES, run: weights::run },
+    Benchmark { names: monotone::NAMES, run: monotone::run },
     Benchmark { names: bind::NAMES, run: bind::run },
     Benchmark { names: weight_convergence::NAMES, run: weight_convergence::run },
     Benchmark { names: weight_growth::NAMES, run: weight_growth::run },

@@ -203,7 +203,7 @@ fn bind_failure(mesh: &Path, error: &armature_character::bind::BindError) -> Fai
         BindError::NoSkeleton => Failure::input(what, format!("armature bind {} --skeleton BONES.tgf", mesh.display())),
         BindError::Cancelled { .. } => Failure::usage(what, ""),
         BindError::Biharmonic(error) => weights_failure(mesh, error),
-        BindError::Heat(_) | BindError::Sparsify(_) => Failure::not_converged(
+        BindError::Heat(_) | BindError::Sparsify(_) | BindError::Smooth(_) => Failure::not_converged(
             what,
             format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()),
         ),
@@ -233,6 +233,7 @@ pub fn weights_failure(mesh: &Path, error: &HandleWeightsError) -> Failure {
             Failure::not_converged(what, "a lower --order is easier on the mesh")
         }
         E::Monotone(_) => Failure::input(what, "`--method bbw` has no conditions on extrema"),
+        E::Extrema(_) => Failure::not_converged(what, "this is a defect; please report it"),
     }
 }
 

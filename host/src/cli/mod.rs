@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod edit_args;
+pub mod function_args;
 pub mod names;
 pub mod puppet_args;
 pub mod surface_args;
@@ -14,6 +15,7 @@ use crate::cli::args::{
     BenchArgs, CalibrateArgs, DemoArgs, DevicesArgs, InspectArgs, RunArgs, SimArgs, VolumeArgs, WindowArgs,
 };
 use crate::cli::edit_args::EditArgs;
+use crate::cli::function_args::{InterpolateArgs, SmoothArgs};
 use crate::cli::puppet_args::PuppetCommand;
 use crate::cli::surface_args::SurfaceCommand;
 use crate::cli::take_args::{ExportArgs, ReplayArgs};
@@ -78,6 +80,10 @@ pub enum Command {
     Bind(BindArgs),
     /// Compute the weights of handles for every vertex of a mesh, for other tools
     Weights(WeightsArgs),
+    /// Smooth data on a mesh, such as painted weights or distances, and keep exactly the minima and maxima that matter
+    Smooth(SmoothArgs),
+    /// Spread values or colours from points, curves and regions over a mesh
+    Interpolate(InterpolateArgs),
     /// Fill any mesh with tetrahedra, for other tools
     Volume(VolumeArgs),
     /// Close holes smoothly, join parts of a mesh, or drag places of a surface

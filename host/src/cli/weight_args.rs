@@ -23,6 +23,8 @@ pub enum Method {
     /// Bounded biharmonic weights, optimal to many digits
     #[value(help = tier_help(BiharmonicTier::Certified))]
     BbwCertified,
+    /// Monotone weights: smooth, and without minima or maxima of their own (before they are scaled to sum to one)
+    Monotone,
     /// Bone heat on the surface
     Heat,
 }
@@ -34,9 +36,10 @@ impl Method {
         if self == Self::Heat { 4 } else { 8 }
     }
 
-    /// For binding.
-    pub fn for_bind(self) -> BindMethod {
+    /// For binding; `order` is that of monotone weights.
+    pub fn for_bind(self, order: u8) -> BindMethod {
         match self {
+            Self::Monotone => BindMethod::Monotone { order },
             Self::Bbw => BindMethod::Biharmonic(BiharmonicTier::Interactive),
             Self::BbwCertified => BindMethod::Biharmonic(BiharmonicTier::Certified),
             Self::Heat => BindMethod::BoneHeat,
@@ -171,6 +174,41 @@ impl ReleaseArgs {
     }
 }
 
+/// The order of monotone weights.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct OrderArgs {
+    /// Order of smoothness of monotone weights
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=4), help = order_help())]
+    pub order: Option<u8>,
+}
+
+/// The order of monotone weights without `--order`.
+const MONOTONE_ORDER: u8 = 2;
+
+impl OrderArgs {
+    /// As requested, or the default.
+    pub fn order(self) -> u8 {
+        self.order.unwrap_or(MONOTONE_ORDER)
+    }
+
+    /// Only an option of monotone weights.
+    pub fn refuse_unless(self, is_monotone: bool) -> Result<(), Failure> {
+        match self.order {
+            Some(_) if !is_monotone => {
+                Err(Failure::usage("--order is for monotone weights", "give --method monotone, or leave out --order"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn order_help() -> String {
+    format!(
+        "Order of smoothness of monotone weights, 2 to 4: higher ones are smoother at handles, and take a better mesh \
+         [default: {MONOTONE_ORDER}]"
+    )
+}
+
 fn release_help() -> String {
     format!(
         "The fraction of its length, 0 to {MOST_FREE_NEAR_JOINTS}, over which a bone is released from the shape at each \
@@ -194,14 +232,31 @@ fn problem_help() -> String {
     )
 }
 
+/// The persistence of `--smooth-weights` without a number.
+const SMOOTHED: &str = "0.1";
+
+fn smooth_help() -> String {
+    format!(
+        "Smooth weights that come with the file: noise goes, and minima and maxima of a bone's weights stay if they are at \
+         least this much, 0 to 1, from their saddles [{SMOOTHED} without a number]"
+    )
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("give 0 to 1".into()) }
+}
+
 const BIND_HELP: &str = "\
 The mesh is filled with tetrahedra that have vertices along the bones; bounded biharmonic weights (Jacobson et al. 2011) are \
 computed on them and transferred to the mesh's own vertices. The character records how its weights were made and how far \
 they can be from the optimal ones. {problem} Binding the same files again takes the result from a cache.
 
   armature bind armadillo.obj --skeleton armadillo.tgf -o armadillo.armature
+  armature bind armadillo.obj -s armadillo.tgf --method monotone                nothing far from a bone wiggles or lags
   armature bind armadillo.obj -s armadillo.tgf --method heat                    bone heat, for comparison
   armature bind fox.glb                                                         an artist's own weights stay
+  armature bind fox.glb --smooth-weights                                        without the noise of a brush
   armature bind body.obj -s bones.tgf --picture body.png --picture-of bone_3    where one bone moves the mesh";
 
 /// `armature bind`
@@ -222,6 +277,9 @@ pub struct BindArgs {
     /// How weights are computed
     #[arg(long, value_enum, default_value_t = Method::Bbw)]
     pub method: Method,
+    /// Monotone weights.
+    #[command(flatten)]
+    pub order: OrderArgs,
     /// What to compute on.
     #[command(flatten)]
     pub domain: DomainArgs,
@@ -234,6 +292,10 @@ pub struct BindArgs {
     /// Replace the file's own skeleton and weights
     #[arg(long)]
     pub replace_rig: bool,
+    /// Smooth weights that come with the file: noise goes, and minima and maxima of a bone's weights stay if they are at
+    /// least this much from their saddles
+    #[arg(long, value_name = "PERSISTENCE", num_args = 0..=1, default_missing_value = SMOOTHED, value_parser = share, help = smooth_help())]
+    pub smooth_weights: Option<f64>,
     /// Close the holes of the mesh smoothly first, except those that seem to be meant (`armature surface fill --list`
     /// shows them)
     #[arg(long)]
@@ -255,7 +317,9 @@ of a cage, open or closed, along which weights are linear; nodes that no bone to
 the points in the order of the file, then the bones. Rows are the vertices of the mesh: all of them, in the order of the file. A \
 tetrahedral .mesh is used as it is, any other mesh is filled with tetrahedra first. For each handle the report gives the \
 energy, how far a weight is outside 0 to 1, the largest multiplier of the wrong sign, how many active sets were tried, how \
-far a weight can be from the optimal one, and whether it converged; if a handle did not, the exit code is 5. {problem}
+far a weight can be from the optimal one, and whether it converged; if a handle did not, the exit code is 5. Spurious \
+extrema, minima and maxima where no handle holds the shape, are counted before and after scaling, and the picture marks them, \
+minima blue and maxima red. {problem}
 
   armature weights hand.mesh --handles hand.tgf -o weights.npy --picture weights.png
   armature weights hand.mesh --handles hand.tgf --joint-release 0 -o weights.npy    the boundary conditions of libigl
@@ -278,9 +342,9 @@ pub struct WeightsArgs {
     /// How weights are computed
     #[arg(long, value_enum, default_value_t = HandleMethod::Bbw)]
     pub method: HandleMethod,
-    /// Order of smoothness of monotone weights; [`WeightsArgs::order`] has the default.
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=4), help = order_help())]
-    pub order: Option<u8>,
+    /// Monotone weights.
+    #[command(flatten)]
+    pub order: OrderArgs,
     /// What to compute on.
     #[command(flatten)]
     pub domain: DomainArgs,
@@ -306,23 +370,6 @@ pub struct WeightsArgs {
     /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
-}
-
-/// The order of monotone weights without `--order`.
-const MONOTONE_ORDER: u8 = 2;
-
-fn order_help() -> String {
-    format!(
-        "Order of smoothness of monotone weights, 2 to 4: higher ones are smoother at handles, and take a better mesh \
-         [default: {MONOTONE_ORDER}]"
-    )
-}
-
-impl WeightsArgs {
-    /// The order of monotone weights.
-    pub fn order(&self) -> u8 {
-        self.order.unwrap_or(MONOTONE_ORDER)
-    }
 }
 
 fn influence_count(text: &str) -> Result<usize, String> {

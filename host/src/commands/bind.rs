@@ -4,7 +4,7 @@ use std::path::Path;
 
 use armature_character::bind::{BindMethod, BindSettings};
 use armature_character::handle_weights::{BiharmonicTier, DomainKind, WeightsOn};
-use armature_character::{BiharmonicRecord, Character, Provenance, WeightsRecord};
+use armature_character::{Character, MonotoneRecord, Provenance, SolvedRecord, WeightsRecord};
 use armature_weights::WeightMatrix;
 
 use super::weights::problem_words;
@@ -21,6 +21,7 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
     if args.method == Method::Heat {
         args.release.refuse_for_heat()?;
     }
+    args.order.refuse_unless(args.method == Method::Monotone)?;
     args.overwrite.check(&args.output)?;
     args.picture.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
     let start = std::time::Instant::now();
@@ -36,12 +37,19 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
         }
         (model, filled) = characters::filled::fill_before_binding(&model, &args.mesh, &mut bar.stages())?;
     }
+    if args.smooth_weights.is_some() && (model.rig.is_none() || args.replace_rig) {
+        return Err(Failure::usage(
+            format!("{} brings no weights that are kept, and computed ones are smooth", args.mesh.display()),
+            "leave out --smooth-weights",
+        ));
+    }
     let settings = BindSettings {
         replace_rig: args.replace_rig,
         max_influences: args.influences.unwrap_or(args.method.influences()),
-        method: args.method.for_bind(),
+        method: args.method.for_bind(args.order.order()),
         on: args.domain.volume_or_asked(),
         joint_release: args.release.share(),
+        smooth_weights: args.smooth_weights,
         ..BindSettings::default()
     };
     let skeleton = args.skeleton.as_deref();
@@ -76,6 +84,7 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
 pub(super) fn planned_words(settings: &BindSettings) -> String {
     let method = match settings.method {
         BindMethod::Biharmonic(_) => "bounded biharmonic weights",
+        BindMethod::Monotone { .. } => "monotone weights",
         BindMethod::BoneHeat => return "bone heat weights on the surface".into(),
     };
     match settings.on {
@@ -93,15 +102,24 @@ pub(super) fn how_made(provenance: &Provenance) -> String {
             "bone heat weights, residual {:.1e}, at most {:.3} of a weight dropped",
             heat.residual, heat.max_dropped
         ),
-        Some(WeightsRecord::Biharmonic(record)) => biharmonic_words(record),
+        Some(WeightsRecord::Biharmonic(record)) => {
+            let tier = match record.tier {
+                BiharmonicTier::Interactive => "",
+                BiharmonicTier::Certified => "certified ",
+            };
+            solved_words(&format!("{tier}bounded biharmonic weights"), record)
+        }
+        Some(WeightsRecord::Monotone(MonotoneRecord { order, spurious, solved })) => {
+            let extrema = match spurious {
+                0 => "no spurious extrema".to_owned(),
+                count => format!("{} made by scaling", counted(*count, "spurious extremum", "spurious extrema")),
+            };
+            format!("{}, {extrema}", solved_words(&format!("monotone weights of order {order}"), solved))
+        }
     }
 }
 
-fn biharmonic_words(record: &BiharmonicRecord) -> String {
-    let tier = match record.tier {
-        BiharmonicTier::Interactive => "",
-        BiharmonicTier::Certified => "certified ",
-    };
+fn solved_words(method: &str, record: &SolvedRecord) -> String {
     let domain = match record.domain {
         DomainKind::Volume => "a volume",
         DomainKind::Flat => "the flat figure",
@@ -113,7 +131,7 @@ fn biharmonic_words(record: &BiharmonicRecord) -> String {
         bones => format!(", NOT CONVERGED for {}", counted(bones, "bone", "bones")),
     };
     format!(
-        "{tier}bounded biharmonic weights on {domain} of {} vertices ({}), within {:.1e} of the optimal ones of this \
+        "{method} on {domain} of {} vertices ({}), within {:.1e} of the optimal ones of this \
          problem{missed}, at most {:.3} of a weight dropped ({:.4} in the mean)",
         grouped(record.domain_vertices),
         problem_words(Some(record.joint_release), record.flat_elements),
@@ -131,7 +149,7 @@ fn draw(path: &Path, args: &BindArgs, character: Character, talk: Talk) -> Resul
         write_weight_picture(
             args.overwrite,
             path,
-            &WeightPicture { mesh: &character.surface.mesh, weights: &weights, names: &names, of },
+            &WeightPicture { mesh: &character.surface.mesh, weights: &weights, names: &names, of, extrema: &[] },
         )?
     } else {
         let (character, warnings) = LoadedCharacter::bound(&args.mesh.display().to_string(), character);

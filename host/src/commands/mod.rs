@@ -6,6 +6,7 @@ mod demo;
 mod devices;
 mod edit;
 mod export;
+mod functions;
 mod inspect;
 #[cfg(not(feature = "window"))]
 mod no_window;
@@ -25,6 +26,7 @@ pub use demo::demo;
 pub use devices::devices;
 pub use edit::edit;
 pub use export::export;
+pub use functions::{interpolate, smooth};
 pub use inspect::inspect;
 #[cfg(not(feature = "window"))]
 pub use no_window::window;
@@ -53,6 +55,8 @@ pub fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
         Command::Inspect(args) => inspect(&args),
         Command::Bind(args) => bind(&args, talk),
         Command::Weights(args) => weights(&args, talk),
+        Command::Smooth(args) => smooth(&args, talk),
+        Command::Interpolate(args) => interpolate(&args, talk),
         Command::Volume(args) => volume(&args, talk),
         Command::Surface(command) => surface(&command, talk),
         Command::Run(args) => run(&args, talk),

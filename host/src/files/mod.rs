@@ -2,6 +2,7 @@
 
 pub mod inputs;
 mod output;
+pub mod tables;
 
 use std::fs::File;
 use std::io::{Read, Write};

@@ -1,6 +1,7 @@
-//! Pictures without a window: a character in a pose, weights on a mesh, a slice through a volume.
+//! Pictures without a window: a character in a pose, weights or other functions on a mesh, a slice through a volume.
 
 mod character;
+pub mod function;
 mod ink;
 mod scene;
 pub mod slice;

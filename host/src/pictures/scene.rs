@@ -47,11 +47,17 @@ pub fn draw_mesh(mesh: &MeshView, view: &View) -> Result<(Picture, DrawnBy), Ren
     let bounds = Bounds::of(mesh.positions).unwrap_or(Bounds { min: glam::Vec3::ZERO, max: glam::Vec3::ONE });
     let ground = Ground { height: view.floor.unwrap_or(bounds.min.y), ..Ground::under(&bounds) };
     let scene = Scene { mesh: *mesh, ground, ..Scene::default() };
+    draw_scene(&scene, &camera_of(mesh.positions, view), view.size)
+}
+
+/// The camera of [`draw_mesh`].
+pub(super) fn camera_of(positions: &[[f32; 3]], view: &View) -> Camera {
+    let bounds = Bounds::of(positions).unwrap_or(Bounds { min: glam::Vec3::ZERO, max: glam::Vec3::ONE });
     let mut camera = Camera::fit(&bounds, view.size[0] as f32 / view.size[1] as f32);
     camera.yaw = view.yaw;
     camera.pitch = view.pitch;
     camera.distance *= view.closer;
-    draw_scene(&scene, &camera, view.size)
+    camera
 }
 
 /// Draws a scene on a graphics adapter, or on the CPU if there is none.

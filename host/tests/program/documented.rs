@@ -96,7 +96,7 @@ fn shown() -> BTreeMap<String, String> {
 /// The files that every shown command finds in its folder.
 fn prepared() -> Place {
     let place = Place::new("documented");
-    for mesh in ["model.obj", "body.obj", "truck.obj", "armadillo.obj"] {
+    for mesh in ["model.obj", "body.obj", "truck.obj", "armadillo.obj", "face.obj"] {
         place.write(mesh, tube_obj());
     }
     for bones in ["bones.tgf", "armadillo.tgf", "hand.tgf"] {
@@ -126,6 +126,10 @@ fn prepared() -> Place {
         |rows: usize, columns: usize, values: Vec<f64>| armature_formats::tables::NumberTable { rows, columns, values };
     place.write("b.npy", armature_formats::tables::write_npy(&table(2, 1, vec![0.0, 150.0])));
     place.write("bc.npy", armature_formats::tables::write_npy(&table(2, 2, vec![1.0, 0.0, 0.0, 1.0])));
+    // Data with noise, and two colours.
+    let painted = (0..206).map(|k| (0.05 * f64::from(k)).sin() + 0.1 * f64::from(k % 7)).collect();
+    place.write("painted.npy", armature_formats::tables::write_npy(&table(206, 1, painted)));
+    place.write("colours.txt", "vertex 0 = #ff8800\nvertex 150 = 0 0 1\n");
     place
 }
 

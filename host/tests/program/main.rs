@@ -11,6 +11,7 @@ mod common;
 mod descriptors;
 mod documented;
 mod exports;
+mod functions_command;
 mod guide;
 mod outputs;
 mod surface_command;

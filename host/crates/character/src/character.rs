@@ -75,7 +75,9 @@ pub enum WeightsRecord {
     /// By bone heat.
     BoneHeat(HeatRecord),
     /// As bounded biharmonic weights.
-    Biharmonic(BiharmonicRecord),
+    Biharmonic(SolvedRecord),
+    /// As monotone weights.
+    Monotone(MonotoneRecord),
 }
 
 impl Provenance {
@@ -101,9 +103,20 @@ pub struct HeatRecord {
     pub max_dropped: f64,
 }
 
-/// What bounded biharmonic weights were computed on, and the certificate of all of them together.
+/// Monotone weights: smooth, and without extrema of their own before they were scaled to sum to one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BiharmonicRecord {
+pub struct MonotoneRecord {
+    /// Order of smoothness, 2 to 4.
+    pub order: u8,
+    /// Extrema of their own that scaling made, on what they were computed on.
+    pub spurious: usize,
+    /// The rest is as for bounded biharmonic weights; the certificate is about functions that rise along the same edges.
+    pub solved: SolvedRecord,
+}
+
+/// What bounded biharmonic or monotone weights were computed on, and the certificate of all of them together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolvedRecord {
     /// How accurate they had to be.
     pub tier: BiharmonicTier,
     /// What they were computed on.

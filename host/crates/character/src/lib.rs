@@ -55,6 +55,6 @@ pub mod own;
 mod progress;
 pub mod volume;
 
-pub use character::{BiharmonicRecord, Character, HeatRecord, Provenance, Surface, WeightsRecord};
+pub use character::{Character, HeatRecord, MonotoneRecord, Provenance, SolvedRecord, Surface, WeightsRecord};
 pub use outermost_points::outermost_points;
 pub use progress::Progress;

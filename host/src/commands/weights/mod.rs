@@ -6,11 +6,11 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use armature_character::handle_weights::{
-    HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, MonotoneHandleWeights, WeightsOn,
-    handle_weights, monotone_handle_weights,
+    HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, MonotoneHandleWeights, SpuriousExtrema,
+    SpuriousExtremum, WeightsOn, handle_weights, monotone_handle_weights, surface_extrema,
 };
 use armature_formats::model::Model;
-use armature_formats::tables::{NumberTable, write_dmat, write_npy};
+use armature_formats::tables::NumberTable;
 use armature_weights::handles::HandleBoundary;
 use armature_weights::heat::{BoneHeat, BoneHeatError, BoneHeatSettings, bone_heat};
 use armature_weights::{BoneSegment, WeightMatrix};
@@ -20,13 +20,15 @@ use self::report::{say_biharmonic, say_heat, say_monotone};
 use crate::characters::{self, volumes::check_fit};
 use crate::cli::weight_args::{HandleMethod, WeightsArgs};
 use crate::failure::Failure;
+use crate::files::tables::{read_table, table_writer};
 use crate::files::{self, inputs};
+use crate::pictures::function::Dot;
 use crate::pictures::weights::{WeightPicture, handle_of, write_weight_picture};
 use crate::terminal::{Bar, Talk, aside, grouped, out};
 
 /// Computes the weights of handles, writes them, and reports their quality.
 pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
-    let write = writer(&args.output)?;
+    let write = table_writer(&args.output, "weights")?;
     args.overwrite.check(&args.output)?;
     args.picture.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
     let start = std::time::Instant::now();
@@ -51,13 +53,13 @@ pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
     match &made {
         Made::Biharmonic(made) => say_biharmonic(args, made, &names, talk, seconds),
         Made::Monotone(made) => say_monotone(args, made, &names, talk, seconds),
-        Made::Heat(made) => say_heat(args, made, &names, talk, seconds),
+        Made::Heat(made, spurious) => say_heat(args, (made, spurious), &names, talk, seconds),
     }
     if let Some(path) = &args.picture {
         let by = write_weight_picture(
             args.overwrite,
             path,
-            &WeightPicture { mesh: &model.mesh, weights, names: &names, of },
+            &WeightPicture { mesh: &model.mesh, weights, names: &names, of, extrema: &made.dots(of) },
         )?;
         if !talk.quiet && !args.json {
             out!("{}: {by}", path.display());
@@ -68,20 +70,6 @@ pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
         Some(what) => Err(Failure::not_converged(
             format!("{}: {what}; the best found were written", args.mesh.display()),
             "the report says how far off they can be; repair slivers of the mesh, or give more distance to handles",
-        )),
-    }
-}
-
-type Writer = fn(&NumberTable) -> Vec<u8>;
-
-/// The format by the file's extension, checked before the work is done.
-fn writer(path: &Path) -> Result<Writer, Failure> {
-    match files::extension_of(path).as_str() {
-        "npy" => Ok(write_npy),
-        "dmat" => Ok(|table| write_dmat(table).into_bytes()),
-        _ => Err(Failure::usage(
-            format!("{} is not a weights file", path.display()),
-            "weights are written as .npy (NumPy) and .dmat (libigl)",
         )),
     }
 }
@@ -149,14 +137,6 @@ fn read_handles(path: &Path, model: &Model, talk: Talk) -> Result<OwnedHeld, Fai
     Ok(OwnedHeld::Shapes { shapes: points.chain(bones).collect(), cage })
 }
 
-fn read_table(path: &Path) -> Result<NumberTable, Failure> {
-    let read = match files::extension_of(path).as_str() {
-        "dmat" => armature_formats::tables::read_dmat,
-        _ => armature_formats::tables::read_npy,
-    };
-    Ok(read(&files::read(path)?).map_err(|e| e.in_file(&path.display().to_string()))?)
-}
-
 fn read_boundary(fixed_file: &Path, given_file: &Path, model: &Model) -> Result<HandleBoundary, Failure> {
     let bad = |path: &Path, what: String, remedy: &str| Failure::input(format!("{}: {what}", path.display()), remedy);
     let fixed = read_table(fixed_file)?;
@@ -181,7 +161,7 @@ fn read_boundary(fixed_file: &Path, given_file: &Path, model: &Model) -> Result<
 enum Made {
     Biharmonic(Box<HandleWeights>),
     Monotone(Box<MonotoneHandleWeights>),
-    Heat(Box<BoneHeat>),
+    Heat(Box<BoneHeat>, SpuriousExtrema),
 }
 
 impl Made {
@@ -189,8 +169,20 @@ impl Made {
         match self {
             Self::Biharmonic(made) => &made.weights,
             Self::Monotone(made) => &made.weights,
-            Self::Heat(made) => &made.weights,
+            Self::Heat(made, _) => &made.weights,
         }
+    }
+
+    /// Spurious extrema of the written weights of one handle, or of all.
+    fn dots(&self, of: Option<usize>) -> Vec<Dot> {
+        let spurious = match self {
+            Self::Biharmonic(made) => &made.spurious,
+            Self::Monotone(made) => &made.spurious,
+            Self::Heat(_, spurious) => spurious,
+        };
+        let shown = spurious.last().iter().enumerate().filter(|(handle, _)| of.is_none_or(|of| of == *handle));
+        let dot = |one: &SpuriousExtremum| Dot { place: one.place, is_minimum: one.extremum.is_minimum };
+        shown.flat_map(|(_, all)| all.iter().map(dot)).collect()
     }
 
     /// What did not become as accurate as requested; `None` if everything did.
@@ -216,11 +208,12 @@ fn compute(
     held: &OwnedHeld,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Made, Failure> {
-    if args.order.is_some() && args.method != HandleMethod::Monotone {
-        return Err(Failure::usage("--order is for monotone weights", "give --method monotone, or leave out --order"));
-    }
+    args.order.refuse_unless(args.method == HandleMethod::Monotone)?;
     if args.method == HandleMethod::Heat {
-        return compute_heat(args, model, held, progress).map(|made| Made::Heat(Box::new(made)));
+        let made = compute_heat(args, model, held, progress)?;
+        let spurious = surface_extrema(&model.mesh, &made.weights);
+        let spurious = spurious.map_err(|e| Failure::input(format!("{}: {e}", args.mesh.display()), ""))?;
+        return Ok(Made::Heat(Box::new(made), spurious));
     }
     let own = model.tetrahedra.is_some() || matches!(held, OwnedHeld::Boundary(_));
     let on = if own { args.domain.weights_on(WeightsOn::OwnElements) } else { args.domain.volume_or_asked() };
@@ -238,7 +231,7 @@ fn compute(
     let joint_release = args.release.share();
     let settings = HandleWeightsSettings { tier: args.method.tier(), on, partition, joint_release };
     if args.method == HandleMethod::Monotone {
-        let order = usize::from(args.order());
+        let order = usize::from(args.order.order());
         let made = monotone_handle_weights(&model.mesh, model.tetrahedra.as_ref(), held, &settings, order, progress);
         return made
             .map(|made| Made::Monotone(Box::new(made)))

@@ -1,6 +1,6 @@
 //! What `armature weights` reports about its results.
 
-use armature_character::handle_weights::{DomainKind, HandleWeights, MonotoneHandleWeights};
+use armature_character::handle_weights::{DomainKind, HandleWeights, MonotoneHandleWeights, SpuriousExtrema};
 use armature_weights::biharmonic::{BiharmonicOutcome, HandleReport};
 use armature_weights::heat::BoneHeat;
 use armature_weights::monotone::{MonotoneOutcome, MonotoneReport};
@@ -49,7 +49,48 @@ pub(super) fn say_biharmonic(args: &WeightsArgs, made: &HandleWeights, names: &[
             n.mean_deviation
         );
     }
+    out!("  {}", extrema_words(HELD, &made.spurious));
     made.warnings.iter().for_each(|warning| aside!("note: {warning}"));
+}
+
+/// Which extrema count as spurious where handles hold the shape, and where nothing is held.
+const HELD: &str = "spurious extrema, where no handle holds the shape";
+const OUTERMOST: &str = "spurious extrema, besides each handle's lowest and highest";
+
+/// How many spurious extrema there are, before and after scaling, and how much they matter.
+fn extrema_words(which: &str, spurious: &SpuriousExtrema) -> String {
+    let words = |(count, most): (usize, f64)| match count {
+        0 => "none".to_owned(),
+        _ => format!("{} (up to {most:.1e} from their saddles)", grouped(count)),
+    };
+    let before = words(SpuriousExtrema::total(&spurious.computed));
+    match &spurious.scaled {
+        None => format!("{which}: {before}"),
+        Some(scaled) => format!("{which}: {before}; after scaling: {}", words(SpuriousExtrema::total(scaled))),
+    }
+}
+
+fn extrema_json(spurious: &SpuriousExtrema, names: &[String]) -> Value {
+    let summary = |all: &[Vec<_>]| {
+        let (count, largest_persistence) = SpuriousExtrema::total(all);
+        json!({"count": count, "largest_persistence": largest_persistence})
+    };
+    let listed = spurious.last().iter().zip(names).flat_map(|(all, name)| {
+        all.iter().map(move |one| {
+            json!({
+                "handle": name,
+                "kind": if one.extremum.is_minimum { "minimum" } else { "maximum" },
+                "place": one.place,
+                "value": one.extremum.value,
+                "persistence": one.extremum.persistence,
+            })
+        })
+    });
+    json!({
+        "computed": summary(&spurious.computed),
+        "scaled": spurious.scaled.as_deref().map(summary),
+        "places": listed.collect::<Vec<_>>(),
+    })
 }
 
 /// The problem that the weights are the optimum of: the fraction of their length over which bones are released near
@@ -146,6 +187,7 @@ fn biharmonic_json(args: &WeightsArgs, made: &HandleWeights, names: &[String], s
         "normalised": made.normalisation.is_some(),
         "largest_deviation": made.normalisation.as_ref().map(|n| n.largest_deviation),
         "mean_deviation": made.normalisation.as_ref().map(|n| n.mean_deviation),
+        "spurious_extrema": extrema_json(&made.spurious, names),
         "warnings": made.warnings,
         "seconds": seconds,
     })
@@ -171,18 +213,18 @@ pub(super) fn say_monotone(
         args.output.display(),
         counted(made.weights.bones(), "handle", "handles"),
         counted(made.weights.vertices(), "vertex", "vertices"),
-        args.order(),
+        args.order.order(),
         domain_name(made.domain),
         counted(made.domain_vertices, "vertex", "vertices"),
     );
-    out!("  handle          energy  spurious extrema  smallest rise  error bound");
+    out!("  handle          energy  smallest rise  energy of repair  error bound");
     for (name, report) in names.iter().zip(&made.reports) {
         match report {
             Some(report) => out!(
-                "  {name:10} {:>13.6e} {:>17} {:>14.1e} {:>12.1e}  {}",
+                "  {name:10} {:>13.6e} {:>14.1e} {:>17.1e} {:>12.1e}  {}",
                 report.energy,
-                grouped(report.spurious),
                 report.margin + report.slack,
+                report.repair,
                 report.error_bound,
                 monotone_outcome(report.outcome),
             ),
@@ -190,12 +232,15 @@ pub(super) fn say_monotone(
         }
     }
     out!("  problem solved: {}", problem_words(made.joint_release, Some(made.flat_elements)));
-    if let Some((_, spurious)) = &made.normalisation {
+    if let Some(n) = &made.normalisation {
         out!(
-            "  scaled to sum to one, after which there are {}",
-            counted(*spurious, "spurious extremum", "spurious extrema")
+            "  scaled to sum to one: sums were off by {:.4} at most, {:.4} on average",
+            n.largest_deviation,
+            n.mean_deviation
         );
     }
+    out!("  {}", extrema_words(HELD, &made.spurious));
+    made.warnings.iter().for_each(|warning| aside!("note: {warning}"));
 }
 
 fn monotone_outcome(outcome: MonotoneOutcome) -> &'static str {
@@ -222,13 +267,14 @@ fn monotone_json(args: &WeightsArgs, made: &MonotoneHandleWeights, names: &[Stri
             "mended_vertices": report.mended,
             "steps": report.steps,
             "spurious_extrema": report.spurious,
+            "energies": report.energies,
             "outcome": monotone_outcome(report.outcome),
         }),
     };
     json!({
         "file": args.output.display().to_string(),
         "method": "monotone",
-        "order": args.order(),
+        "order": args.order.order(),
         "domain": domain_name(made.domain),
         "domain_vertices": made.domain_vertices,
         "problem": problem_json(made.joint_release, made.flat_elements),
@@ -236,13 +282,22 @@ fn monotone_json(args: &WeightsArgs, made: &MonotoneHandleWeights, names: &[Stri
         "handles": names.iter().zip(&made.reports).map(handle).collect::<Vec<_>>(),
         "unconverged": made.unconverged(),
         "normalised": made.normalisation.is_some(),
-        "spurious_extrema_after_normalising": made.normalisation.as_ref().map(|(_, spurious)| spurious),
+        "largest_deviation": made.normalisation.as_ref().map(|n| n.largest_deviation),
+        "mean_deviation": made.normalisation.as_ref().map(|n| n.mean_deviation),
+        "spurious_extrema": extrema_json(&made.spurious, names),
+        "warnings": made.warnings,
         "seconds": seconds,
     })
 }
 
 /// Bone heat weights.
-pub(super) fn say_heat(args: &WeightsArgs, made: &BoneHeat, names: &[String], talk: Talk, seconds: f64) {
+pub(super) fn say_heat(
+    args: &WeightsArgs,
+    (made, spurious): (&BoneHeat, &SpuriousExtrema),
+    names: &[String],
+    talk: Talk,
+    seconds: f64,
+) {
     let cold: Vec<&str> = made.report.cold_bones.iter().map(|&bone| names[bone].as_str()).collect();
     if args.json {
         let value = json!({
@@ -252,6 +307,7 @@ pub(super) fn say_heat(args: &WeightsArgs, made: &BoneHeat, names: &[String], ta
             "handles": names.iter().map(|name| json!({"name": name})).collect::<Vec<_>>(),
             "residual": made.residual,
             "cold": cold,
+            "spurious_extrema": extrema_json(spurious, names),
             "seconds": seconds,
         });
         out!("{value}");
@@ -267,6 +323,7 @@ pub(super) fn say_heat(args: &WeightsArgs, made: &BoneHeat, names: &[String], ta
         counted(made.weights.vertices(), "vertex", "vertices"),
         made.residual,
     );
+    out!("  {}", extrema_words(OUTERMOST, spurious));
     if !cold.is_empty() {
         aside!("note: these handles move no part of the mesh: {}", cold.join(", "));
     }

@@ -8,6 +8,7 @@ use super::bone_weights::{Rib, bone_weights};
 use super::error::BindError;
 use super::prepare::{check, drop_loose_vertices};
 use super::settings::BindSettings;
+use super::smooth_influences::smooth_influences;
 use crate::character::{Character, Provenance};
 use crate::progress::Progress;
 
@@ -44,6 +45,13 @@ pub(crate) fn bind_with_ribs(
                 let text = "the model has its own skeleton and weights, so the skeleton given was ignored; ask \
                             for the rig to be replaced to use it";
                 model.warnings.push(text.to_owned());
+            }
+            let mut rig = rig;
+            if let Some(least) = settings.smooth_weights {
+                let bones = rig.skeleton.len();
+                let made = smooth_influences(&model.mesh, &rig.influences, bones, least, progress)?;
+                rig.influences = made.influences;
+                model.warnings.push(made.told);
             }
             model.rig = Some(rig);
             Provenance::Artist

@@ -10,9 +10,10 @@ use glam::DVec3;
 use super::error::BindError;
 use super::misfit::Misfit;
 use super::settings::{BindMethod, BindSettings};
-use crate::character::{BiharmonicRecord, HeatRecord, WeightsRecord};
+use crate::character::{HeatRecord, MonotoneRecord, SolvedRecord, WeightsRecord};
 use crate::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, handle_weights,
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, SpuriousExtrema, handle_weights,
+    monotone_handle_weights,
 };
 use crate::progress::Progress;
 
@@ -46,7 +47,10 @@ pub(crate) fn bone_weights(
     let bones = LongBones::find(mesh, skeleton, ribs)?;
     let (mut weights, sparse) = match settings.method {
         BindMethod::BoneHeat => heat_weights(mesh, &bones, settings, progress)?,
-        BindMethod::Biharmonic(tier) => biharmonic_weights(mesh, &bones, tier, settings, progress)?,
+        BindMethod::Biharmonic(tier) => smooth_weights(mesh, &bones, tier, None, settings, progress)?,
+        BindMethod::Monotone { order } => {
+            smooth_weights(mesh, &bones, BiharmonicTier::Interactive, Some(order), settings, progress)?
+        }
     };
     if sparse.max_dropped > MUCH_DROPPED {
         let more = if settings.max_influences < MOST_INFLUENCES { "; 8 would keep more" } else { "" };
@@ -115,10 +119,12 @@ impl<'a> LongBones<'a> {
     }
 }
 
-fn biharmonic_weights(
+/// Bounded biharmonic weights, or monotone ones of this order.
+fn smooth_weights(
     mesh: &TriangleMesh,
     bones: &LongBones<'_>,
     tier: BiharmonicTier,
+    monotone: Option<u8>,
     settings: &BindSettings,
     progress: Progress<'_>,
 ) -> Result<(BoneWeights, Sparsification), BindError> {
@@ -134,27 +140,44 @@ fn biharmonic_weights(
         partition: Partition::Normalised,
         joint_release: settings.joint_release,
     };
-    let made = handle_weights(mesh, None, Held::Shapes { shapes: &shapes, cage: &[] }, &how, &mut |stage, done| {
-        progress(stage, 0.02 + 0.92 * done.clamp(0.0, 1.0))
-    })?;
-    let (influences, sparse) = sparsify(&made.weights, settings.max_influences, &bones.bones, bones.skeleton.len())?;
-    let record = BiharmonicRecord {
+    let held = Held::Shapes { shapes: &shapes, cage: &[] };
+    let mut told = |stage: &'static str, done: f64| progress(stage, 0.02 + 0.92 * done.clamp(0.0, 1.0));
+    let (weights, warnings, spurious, made) = if let Some(order) = monotone {
+        let made = monotone_handle_weights(mesh, None, held, &how, usize::from(order), &mut told)?;
+        let certificate = (made.error_bound(), made.energy(), made.unconverged());
+        let domain = (made.domain, made.domain_vertices, made.flat_elements);
+        (made.weights, made.warnings, made.spurious, (domain, certificate, made.normalisation))
+    } else {
+        let made = handle_weights(mesh, None, held, &how, &mut told)?;
+        let certificate = (made.error_bound(), made.energy(), made.unconverged());
+        let domain = (made.domain, made.domain_vertices, made.flat_elements);
+        (made.weights, made.warnings, made.spurious, (domain, certificate, made.normalisation))
+    };
+    let ((domain, domain_vertices, flat_elements), (error_bound, energy, unconverged), normalisation) = made;
+    let (influences, sparse) = sparsify(&weights, settings.max_influences, &bones.bones, bones.skeleton.len())?;
+    let solved = SolvedRecord {
         tier,
-        domain: made.domain,
-        domain_vertices: made.domain_vertices,
+        domain,
+        domain_vertices,
         joint_release: settings.joint_release,
-        flat_elements: Some(made.flat_elements),
-        error_bound: made.error_bound(),
-        energy: made.energy(),
-        unconverged: made.unconverged(),
-        largest_deviation: made.normalisation.as_ref().map_or(0.0, |n| n.largest_deviation),
+        flat_elements: Some(flat_elements),
+        error_bound,
+        energy,
+        unconverged,
+        largest_deviation: normalisation.map_or(0.0, |n| n.largest_deviation),
         max_influences: settings.max_influences,
         max_dropped: sparse.max_dropped,
         mean_dropped: sparse.mean_dropped,
     };
-    let mut warnings = bones.warnings.clone();
-    warnings.extend(made.warnings);
-    Ok((BoneWeights { influences, record: WeightsRecord::Biharmonic(record), warnings }, sparse))
+    let record = match monotone {
+        None => WeightsRecord::Biharmonic(solved),
+        Some(order) => {
+            let spurious = SpuriousExtrema::total(spurious.last()).0;
+            WeightsRecord::Monotone(MonotoneRecord { order, spurious, solved })
+        }
+    };
+    let warnings = bones.warnings.iter().cloned().chain(warnings).collect();
+    Ok((BoneWeights { influences, record, warnings }, sparse))
 }
 
 fn heat_weights(

@@ -5,6 +5,7 @@ use armature_geometry::{InfluencesError, MeshError};
 use armature_rig::SkeletonError;
 use armature_weights::finish::SparsifyError;
 use armature_weights::heat::BoneHeatError;
+use armature_weights::monotone::MonotoneError;
 
 use super::misfit::Misfit;
 use crate::handle_weights::HandleWeightsError;
@@ -63,6 +64,9 @@ pub enum BindError {
     /// Bounded biharmonic weights could not be computed.
     #[error(transparent)]
     Biharmonic(HandleWeightsError),
+    /// Weights that came with the model could not be smoothed.
+    #[error("its weights could not be smoothed: {0}")]
+    Smooth(MonotoneError),
     /// The weights could not be made sparse.
     #[error(transparent)]
     Sparsify(#[from] SparsifyError),
@@ -91,6 +95,15 @@ impl From<HandleWeightsError> for BindError {
         match error {
             HandleWeightsError::Cancelled { stage } => Self::Cancelled { stage },
             other => Self::Biharmonic(other),
+        }
+    }
+}
+
+impl From<MonotoneError> for BindError {
+    fn from(error: MonotoneError) -> Self {
+        match error {
+            MonotoneError::Cancelled { stage } => Self::Cancelled { stage },
+            other => Self::Smooth(other),
         }
     }
 }

@@ -27,6 +27,7 @@ mod error;
 mod misfit;
 mod prepare;
 mod settings;
+mod smooth_influences;
 
 pub use binding::bind;
 pub(crate) use binding::bind_with_ribs;

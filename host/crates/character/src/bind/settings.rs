@@ -15,6 +15,11 @@ pub const WEIGHT_VOLUME_VERTICES: usize = 5_000;
 pub enum BindMethod {
     /// Bounded biharmonic weights.
     Biharmonic(BiharmonicTier),
+    /// Monotone weights, of this order of smoothness, 2 to 4.
+    Monotone {
+        /// The order.
+        order: u8,
+    },
     /// Bone heat on the surface.
     BoneHeat,
 }
@@ -28,10 +33,13 @@ pub struct BindSettings {
     pub max_influences: usize,
     /// How weights are computed.
     pub method: BindMethod,
-    /// What bounded biharmonic weights are computed on.
+    /// What bounded biharmonic and monotone weights are computed on.
     pub on: WeightsOn,
-    /// The fraction of its length over which a bone is released at each shared joint, for bounded biharmonic weights.
+    /// The fraction of its length over which a bone is released at each shared joint; not for bone heat.
     pub joint_release: f64,
+    /// Smooth the weights that come with the model, and keep the extrema of each bone's weights that are at least this
+    /// persistent, 0 to 1; `None` leaves them alone.
+    pub smooth_weights: Option<f64>,
     /// Settings of the bone heat method.
     pub heat: BoneHeatSettings,
 }
@@ -45,6 +53,7 @@ impl Default for BindSettings {
             method: BindMethod::Biharmonic(BiharmonicTier::Interactive),
             on: WeightsOn::Volume { vertices: WEIGHT_VOLUME_VERTICES },
             joint_release: FREE_NEAR_JOINTS,
+            smooth_weights: None,
             heat: BoneHeatSettings::default(),
         }
     }

@@ -20,7 +20,7 @@ use super::error::CacheError;
 use super::format::{COLORS_VERSION, FORMAT_VERSION, HEADER, MAGIC, OLDEST_VERSION, SINGLE_MESH_VERSION};
 use super::parts::{read_colors, read_parts, write_colors, write_parts};
 use super::provenance::{read_provenance, write_provenance};
-use crate::character::{Character, Provenance, Surface};
+use crate::character::{Character, Provenance, Surface, WeightsRecord};
 
 /// Writes a character, in the older layout if that can represent all of it.
 pub fn to_bytes(character: &Character) -> Vec<u8> {
@@ -35,10 +35,15 @@ pub(super) struct Layout {
     pub(super) write_provenance: fn(&mut Writer, &Provenance),
 }
 
-/// A character's bytes in a layout for a single mesh, or in the newest if there is more.
+/// A character's bytes in a layout for a single mesh, or in a newer one if there is more.
 pub(super) fn laid_out(character: &Character, how: Layout) -> Vec<u8> {
-    let is_single = is_single_mesh(character);
-    let version = if is_single { how.single_mesh } else { FORMAT_VERSION };
+    let is_monotone = matches!(character.provenance.record(), Some(WeightsRecord::Monotone(_)));
+    let is_single = !is_monotone && is_single_mesh(character);
+    let version = match (is_monotone, is_single) {
+        (true, _) => FORMAT_VERSION,
+        (false, true) => how.single_mesh,
+        (false, false) => COLORS_VERSION,
+    };
     let mut body = Writer::default();
     write_body(&mut body, character, if is_single { how.write_provenance } else { write_provenance });
     if !is_single {

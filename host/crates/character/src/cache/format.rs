@@ -2,8 +2,9 @@
 
 /// File name extension, without the dot.
 pub const CACHE_EXTENSION: &str = "armature";
-/// The newest layout.
-pub(super) const FORMAT_VERSION: u32 = 6;
+/// The newest layout. It differs from the one before in what it says of monotone weights, and only characters with such
+/// weights are written in it.
+pub(super) const FORMAT_VERSION: u32 = 7;
 /// The first layout with more than parts and materials lit by lights.
 pub(super) const COLORS_VERSION: u32 = 6;
 /// The layout for one mesh and one material with a colour and its map. Such characters are still written in it: older

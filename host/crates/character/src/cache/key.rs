@@ -8,6 +8,9 @@ use super::format::BINDING_VERSION;
 use crate::bind::{BindMethod, BindSettings};
 use crate::handle_weights::{BiharmonicTier, WeightsOn};
 
+/// Monotone weights of each order have a number of their own, after those of all other methods.
+const FIRST_MONOTONE: u8 = 0x10;
+
 /// A BLAKE3 hash; printed as 64 hexadecimal digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct CacheKey([u8; 32]);
@@ -37,7 +40,7 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
         hasher.update(file);
     }
     // Destructured, so that a new setting cannot be forgotten here.
-    let BindSettings { replace_rig, max_influences, method, on, joint_release, heat } = settings;
+    let BindSettings { replace_rig, max_influences, method, on, joint_release, smooth_weights, heat } = settings;
     let armature_weights::heat::BoneHeatSettings { heat, tie_ratio, weld_ratio, visibility } = heat;
     let visibility = match visibility {
         Visibility::Inside => 0,
@@ -47,6 +50,7 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
         BindMethod::BoneHeat => 0,
         BindMethod::Biharmonic(BiharmonicTier::Interactive) => 1,
         BindMethod::Biharmonic(BiharmonicTier::Certified) => 2,
+        BindMethod::Monotone { order } => FIRST_MONOTONE.saturating_add(*order),
     };
     let (on, vertices) = match on {
         WeightsOn::Volume { vertices } => (0, *vertices),
@@ -58,6 +62,11 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
     hasher.update(&(*max_influences as u64).to_le_bytes());
     for number in [heat, tie_ratio, weld_ratio, joint_release] {
         hasher.update(&number.to_le_bytes());
+    }
+    // Characters bound without it keep their key.
+    if let Some(least) = smooth_weights {
+        hasher.update(b"smoothed");
+        hasher.update(&least.to_le_bytes());
     }
     CacheKey(*hasher.finalize().as_bytes())
 }
@@ -80,7 +89,16 @@ mod tests {
             cache_key(&[b"mesh", b"bones"], &BindSettings { max_influences: 3, ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { replace_rig: true, ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { method: BindMethod::BoneHeat, ..plain.clone() }),
+            cache_key(
+                &[b"mesh", b"bones"],
+                &BindSettings { method: BindMethod::Monotone { order: 2 }, ..plain.clone() },
+            ),
+            cache_key(
+                &[b"mesh", b"bones"],
+                &BindSettings { method: BindMethod::Monotone { order: 3 }, ..plain.clone() },
+            ),
             cache_key(&[b"mesh", b"bones"], &BindSettings { on: WeightsOn::Surface, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { smooth_weights: Some(0.1), ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { joint_release: 0.0, ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { on: WeightsOn::Volume { vertices: 500 }, ..plain.clone() }),
         ];

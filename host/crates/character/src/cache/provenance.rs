@@ -4,7 +4,7 @@ use armature_weights::handles::FREE_NEAR_JOINTS;
 
 use super::bytes::{Reader, Writer};
 use super::error::CacheError;
-use crate::character::{BiharmonicRecord, HeatRecord, Provenance, WeightsRecord};
+use crate::character::{HeatRecord, MonotoneRecord, Provenance, SolvedRecord, WeightsRecord};
 use crate::handle_weights::{BiharmonicTier, DomainKind};
 
 const ARTIST: u8 = 0;
@@ -15,6 +15,8 @@ const OLD_BIHARMONIC: u8 = 3;
 const OLD_GENERATED_BIHARMONIC: u8 = 4;
 const BIHARMONIC: u8 = 5;
 const GENERATED_BIHARMONIC: u8 = 6;
+const MONOTONE: u8 = 7;
+const GENERATED_MONOTONE: u8 = 8;
 
 /// In the file, a tier or domain is its index here.
 const TIERS: [BiharmonicTier; 2] = [BiharmonicTier::Interactive, BiharmonicTier::Certified];
@@ -22,10 +24,15 @@ const DOMAINS: [DomainKind; 4] = [DomainKind::Volume, DomainKind::Flat, DomainKi
 
 pub(super) fn write_provenance(w: &mut Writer, provenance: &Provenance) {
     write_tagged(w, provenance, [BIHARMONIC, GENERATED_BIHARMONIC]);
-    if let Some(WeightsRecord::Biharmonic(record)) = provenance.record() {
-        w.f64(record.joint_release);
+    let record = provenance.record();
+    if let Some(WeightsRecord::Biharmonic(solved) | WeightsRecord::Monotone(MonotoneRecord { solved, .. })) = record {
+        w.f64(solved.joint_release);
         // The count plus one, or 0 if unknown.
-        w.count(record.flat_elements.map_or(0, |count| count + 1));
+        w.count(solved.flat_elements.map_or(0, |count| count + 1));
+    }
+    if let Some(&WeightsRecord::Monotone(MonotoneRecord { order, spurious, solved: _ })) = record {
+        w.byte(order);
+        w.count(spurious);
     }
 }
 
@@ -41,6 +48,8 @@ fn write_tagged(w: &mut Writer, provenance: &Provenance, biharmonic: [u8; 2]) {
         Provenance::Generated(WeightsRecord::BoneHeat(_)) => GENERATED_HEAT,
         Provenance::Computed(WeightsRecord::Biharmonic(_)) => biharmonic[0],
         Provenance::Generated(WeightsRecord::Biharmonic(_)) => biharmonic[1],
+        Provenance::Computed(WeightsRecord::Monotone(_)) => MONOTONE,
+        Provenance::Generated(WeightsRecord::Monotone(_)) => GENERATED_MONOTONE,
     });
     match provenance.record() {
         None => {}
@@ -51,13 +60,14 @@ fn write_tagged(w: &mut Writer, provenance: &Provenance, biharmonic: [u8; 2]) {
             w.f64(max_dropped);
         }
         Some(WeightsRecord::Biharmonic(record)) => write_old_biharmonic(w, record),
+        Some(WeightsRecord::Monotone(record)) => write_old_biharmonic(w, &record.solved),
     }
 }
 
 /// All but what version 4 added.
-fn write_old_biharmonic(w: &mut Writer, record: &BiharmonicRecord) {
+fn write_old_biharmonic(w: &mut Writer, record: &SolvedRecord) {
     // Destructured, so that a new field cannot be forgotten here.
-    let &BiharmonicRecord {
+    let &SolvedRecord {
         tier,
         domain,
         domain_vertices,
@@ -86,8 +96,10 @@ pub(super) fn read_provenance(r: &mut Reader) -> Result<Provenance, CacheError> 
         GENERATED_HEAT => Ok(Provenance::Generated(read_heat(r)?)),
         OLD_BIHARMONIC => Ok(Provenance::Computed(WeightsRecord::Biharmonic(read_old_biharmonic(r)?))),
         OLD_GENERATED_BIHARMONIC => Ok(Provenance::Generated(WeightsRecord::Biharmonic(read_old_biharmonic(r)?))),
-        BIHARMONIC => Ok(Provenance::Computed(read_biharmonic(r)?)),
-        GENERATED_BIHARMONIC => Ok(Provenance::Generated(read_biharmonic(r)?)),
+        BIHARMONIC => Ok(Provenance::Computed(WeightsRecord::Biharmonic(read_biharmonic(r)?))),
+        GENERATED_BIHARMONIC => Ok(Provenance::Generated(WeightsRecord::Biharmonic(read_biharmonic(r)?))),
+        MONOTONE => Ok(Provenance::Computed(read_monotone(r)?)),
+        GENERATED_MONOTONE => Ok(Provenance::Generated(read_monotone(r)?)),
         kind => Err(r.bad(format!("weights of an unknown kind, {kind}"))),
     }
 }
@@ -99,21 +111,27 @@ fn read_heat(r: &mut Reader) -> Result<WeightsRecord, CacheError> {
     Ok(WeightsRecord::BoneHeat(record))
 }
 
-fn read_biharmonic(r: &mut Reader) -> Result<WeightsRecord, CacheError> {
+fn read_biharmonic(r: &mut Reader) -> Result<SolvedRecord, CacheError> {
     let old = read_old_biharmonic(r)?;
     let joint_release = r.f64()?;
     let flat_elements = read_count(r)?.checked_sub(1);
-    Ok(WeightsRecord::Biharmonic(BiharmonicRecord { joint_release, flat_elements, ..old }))
+    Ok(SolvedRecord { joint_release, flat_elements, ..old })
 }
 
-fn read_old_biharmonic(r: &mut Reader) -> Result<BiharmonicRecord, CacheError> {
+fn read_monotone(r: &mut Reader) -> Result<WeightsRecord, CacheError> {
+    let solved = read_biharmonic(r)?;
+    let (order, spurious) = (r.byte()?, read_count(r)?);
+    Ok(WeightsRecord::Monotone(MonotoneRecord { order, spurious, solved }))
+}
+
+fn read_old_biharmonic(r: &mut Reader) -> Result<SolvedRecord, CacheError> {
     let tier = r.byte()?;
     let tier = *TIERS.get(usize::from(tier)).ok_or_else(|| r.bad(format!("an unknown tier of weights, {tier}")))?;
     let domain = r.byte()?;
     let domain =
         *DOMAINS.get(usize::from(domain)).ok_or_else(|| r.bad(format!("weights on something unknown, {domain}")))?;
     let [domain_vertices, unconverged, max_influences] = [read_count(r)?, read_count(r)?, read_count(r)?];
-    Ok(BiharmonicRecord {
+    Ok(SolvedRecord {
         tier,
         domain,
         domain_vertices,

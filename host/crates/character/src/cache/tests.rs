@@ -2,7 +2,7 @@ use armature_formats::model::{AlphaMode, MeshPart, MorphTarget, Skin};
 use armature_weights::handles::FREE_NEAR_JOINTS;
 
 use super::*;
-use crate::character::{BiharmonicRecord, HeatRecord, Provenance, WeightsRecord};
+use crate::character::{HeatRecord, MonotoneRecord, Provenance, SolvedRecord, WeightsRecord};
 use crate::handle_weights::{BiharmonicTier, DomainKind};
 
 fn small() -> Character {
@@ -35,7 +35,7 @@ fn small() -> Character {
         }],
         skeleton: Skeleton::new(vec![bone("a", None, 0.0), bone("b", Some(0), 0.5), bone("c", Some(1), 0.5)]).unwrap(),
         skins: Vec::new(),
-        provenance: Provenance::Computed(WeightsRecord::Biharmonic(BiharmonicRecord {
+        provenance: Provenance::Computed(WeightsRecord::Biharmonic(SolvedRecord {
             tier: BiharmonicTier::Certified,
             domain: DomainKind::Surface,
             domain_vertices: 4,
@@ -218,6 +218,21 @@ fn each_provenance_comes_back_and_the_first_format_is_still_read() {
 }
 
 #[test]
+fn monotone_weights_have_a_layout_that_older_programs_refuse() {
+    for mut character in [small(), rich()] {
+        let Some(&WeightsRecord::Biharmonic(solved)) = character.provenance.record() else { unreachable!() };
+        let record = WeightsRecord::Monotone(MonotoneRecord { order: 3, spurious: 5, solved });
+        for provenance in [Provenance::Computed(record), Provenance::Generated(record)] {
+            character.provenance = provenance;
+            let bytes = to_bytes(&character);
+            assert_eq!(bytes[8..12], 7_u32.to_le_bytes());
+            assert_eq!(from_bytes(&bytes), Ok(character.clone()));
+        }
+        truncations_are_errors(&to_bytes(&character));
+    }
+}
+
+#[test]
 fn other_files_and_other_versions_are_named() {
     assert_eq!(from_bytes(b""), Err(CacheError::NotACharacter));
     assert_eq!(from_bytes(b"solid cube, or some other text"), Err(CacheError::NotACharacter));
@@ -231,7 +246,7 @@ fn what_older_files_say_of_weights_is_read() {
     let character = small();
     let Provenance::Computed(WeightsRecord::Biharmonic(record)) = character.provenance else { unreachable!() };
     let as_it_was = Character {
-        provenance: Provenance::Computed(WeightsRecord::Biharmonic(BiharmonicRecord {
+        provenance: Provenance::Computed(WeightsRecord::Biharmonic(SolvedRecord {
             joint_release: FREE_NEAR_JOINTS,
             flat_elements: None,
             ..record

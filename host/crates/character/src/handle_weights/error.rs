@@ -1,6 +1,7 @@
 //! Why the weights could not be computed.
 
 use armature_weights::biharmonic::BiharmonicError;
+use armature_weights::extrema::ExtremaError;
 use armature_weights::handles::{HandleError, MOST_FREE_NEAR_JOINTS};
 use armature_weights::monotone::MonotoneError;
 
@@ -60,6 +61,9 @@ pub enum HandleWeightsError {
     /// Monotone weights could not be computed.
     #[error(transparent)]
     Monotone(#[from] MonotoneError),
+    /// Extrema of the weights could not be counted.
+    #[error(transparent)]
+    Extrema(#[from] ExtremaError),
     /// The progress callback asked to stop.
     #[error("computing the weights was cancelled while {stage}")]
     Cancelled {

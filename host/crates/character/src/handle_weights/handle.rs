@@ -35,3 +35,13 @@ pub enum Held<'a> {
     /// Vertices of the mesh itself with given weights; only for weights on [`WeightsOn::OwnElements`](super::WeightsOn::OwnElements).
     Boundary(&'a HandleBoundary),
 }
+
+impl Held<'_> {
+    /// The handles' names in reports.
+    pub(super) fn names(&self) -> Vec<String> {
+        match self {
+            Self::Shapes { shapes, .. } => shapes.iter().map(|shape| shape.name.clone()).collect(),
+            Self::Boundary(boundary) => (1..=boundary.handles).map(|handle| format!("handle {handle}")).collect(),
+        }
+    }
+}

@@ -1,5 +1,5 @@
 //! Bounded biharmonic weights of handles ([`handle_weights`]), and monotone ones ([`monotone_handle_weights`]): computed on
-//! a volume, transferred to the surface, with their certificates and warnings.
+//! a volume, transferred to the surface, with their certificates, their spurious extrema and warnings.
 //!
 //! Two points in a box, with weights on the volume that the box encloses:
 //!
@@ -36,6 +36,7 @@ mod hold_vertices;
 mod monotone;
 mod outcome;
 mod settings;
+mod spurious;
 mod warnings;
 mod weights;
 
@@ -45,4 +46,5 @@ pub use handle::{HandlePlace, HandleShape, Held};
 pub use monotone::{MonotoneHandleWeights, monotone_handle_weights};
 pub use outcome::HandleWeights;
 pub use settings::{BiharmonicTier, DomainKind, HandleWeightsSettings, Partition, WeightsOn};
+pub use spurious::{SpuriousExtrema, SpuriousExtremum, surface_extrema};
 pub use weights::handle_weights;

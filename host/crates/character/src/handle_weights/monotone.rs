@@ -2,7 +2,7 @@
 
 use armature_geometry::{TetrahedralMesh, TriangleMesh};
 use armature_weights::WeightMatrix;
-use armature_weights::extrema::{Neighbours, local_extrema};
+use armature_weights::extrema::Neighbours;
 use armature_weights::finish::{Normalisation, follow_nearest_handle, normalise};
 use armature_weights::monotone::{
     MonotoneError, MonotoneOutcome, MonotoneProblem, MonotoneReport, MonotoneSettings, monotone_weights,
@@ -11,6 +11,8 @@ use armature_weights::monotone::{
 use super::error::HandleWeightsError;
 use super::handle::Held;
 use super::settings::{BiharmonicTier, DomainKind, HandleWeightsSettings, Partition};
+use super::spurious::{SpuriousExtrema, spurious_of};
+use super::warnings::{Drawbacks, weight_warnings};
 use super::weights::{VOLUME_SHARE, prepare, whole};
 use crate::progress::Progress;
 
@@ -21,9 +23,10 @@ pub struct MonotoneHandleWeights {
     pub weights: WeightMatrix,
     /// One for every handle; `None` if it holds nothing, and its weights are zero.
     pub reports: Vec<Option<MonotoneReport>>,
-    /// What normalising changed, if requested, and how many extrema of their own the weights had then, on the elements
-    /// that they were computed on.
-    pub normalisation: Option<(Normalisation, usize)>,
+    /// What normalising changed, if requested.
+    pub normalisation: Option<Normalisation>,
+    /// Extrema where no handle holds the shape: none before normalising, and those that it made.
+    pub spurious: SpuriousExtrema,
     /// What they were computed on.
     pub domain: DomainKind,
     /// How many vertices that has.
@@ -32,12 +35,30 @@ pub struct MonotoneHandleWeights {
     pub flat_elements: usize,
     /// The fraction of their length over which bones were released at shared joints; `None` for fixed vertices.
     pub joint_release: Option<f64>,
+    /// Handles that move no vertex of the surface by more than dust.
+    pub idle: Vec<usize>,
+    /// What the user should know, in sentences.
+    pub warnings: Vec<String>,
 }
 
 impl MonotoneHandleWeights {
     /// Handles whose weights are not as good as requested.
     pub fn unconverged(&self) -> usize {
-        self.reports.iter().flatten().filter(|report| report.outcome != MonotoneOutcome::Converged).count()
+        self.known().filter(|report| report.outcome != MonotoneOutcome::Converged).count()
+    }
+
+    /// No weight, before normalising, is farther than this from the best one that rises along the same edges.
+    pub fn error_bound(&self) -> f64 {
+        self.known().map(|report| report.error_bound).fold(0.0, f64::max)
+    }
+
+    /// The sum of all handles' energies.
+    pub fn energy(&self) -> f64 {
+        self.known().map(|report| report.energy).sum()
+    }
+
+    fn known(&self) -> impl Iterator<Item = &MonotoneReport> {
+        self.reports.iter().flatten()
     }
 }
 
@@ -70,28 +91,26 @@ pub fn monotone_handle_weights(
         MonotoneError::Cancelled { stage } => HandleWeightsError::Cancelled { stage },
         other => HandleWeightsError::Monotone(other),
     })?;
-    follow_nearest_handle(&mut solved.weights, &solved.unreached, &boundary, &domain.vertices);
-    let normalisation = (settings.partition == Partition::Normalised)
-        .then(|| -> Result<_, HandleWeightsError> {
-            let changed = normalise(&mut solved.weights);
-            let mut spurious = 0;
-            for handle in 0..solved.weights.bones() {
-                let found = local_extrema(&neighbours, &solved.weights.bone(handle)).map_err(MonotoneError::from)?;
-                spurious += found.besides(&boundary.fixed).count();
-            }
-            Ok((changed, spurious))
-        })
-        .transpose()?;
-    let handles = match held {
-        Held::Shapes { shapes, .. } => shapes.len(),
-        Held::Boundary(boundary) => boundary.handles,
-    };
-    let mut reports = vec![None; handles];
+    let names = held.names();
+    let followed = follow_nearest_handle(&mut solved.weights, &solved.unreached, &boundary, &domain.vertices);
+    let spurious = |weights: &_| spurious_of(&domain, &neighbours, &boundary, weights, (&columns, names.len()));
+    let computed = spurious(&solved.weights)?;
+    let normalisation = (settings.partition == Partition::Normalised).then(|| normalise(&mut solved.weights));
+    let scaled = normalisation.as_ref().map(|_| spurious(&solved.weights)).transpose()?;
+    let weights = whole(&domain, &solved.weights, &columns, names.len())?;
+    let mut reports = vec![None; names.len()];
     columns.iter().zip(solved.reports).for_each(|(&column, report)| reports[column] = Some(report));
+    let late = reports.iter().flatten().filter(|report| report.outcome != MonotoneOutcome::Converged);
+    let unconverged = late.fold((0, 0.0), |(count, worst), r| (count + 1, f64::max(worst, r.error_bound)));
+    let followed: Vec<usize> = followed.into_iter().map(|handle| columns[handle]).collect();
+    let drawbacks = Drawbacks::find(&domain, &weights, unconverged, &solved.unreached, &followed);
     Ok(MonotoneHandleWeights {
-        weights: whole(&domain, &solved.weights, &columns, handles)?,
+        warnings: weight_warnings(&drawbacks, &names),
+        idle: drawbacks.idle,
+        weights,
         reports,
         normalisation,
+        spurious: SpuriousExtrema { computed, scaled },
         domain: domain.kind,
         domain_vertices: domain.vertices.len(),
         flat_elements: domain.degenerate,

@@ -5,6 +5,7 @@ use armature_weights::biharmonic::{BiharmonicOutcome, ExactPartitionReport, Hand
 use armature_weights::finish::Normalisation;
 
 use super::settings::DomainKind;
+use super::spurious::SpuriousExtrema;
 
 /// Weights with their certificates.
 #[derive(Clone, Debug)]
@@ -17,6 +18,8 @@ pub struct HandleWeights {
     pub together: Option<ExactPartitionReport>,
     /// What normalising changed, if requested.
     pub normalisation: Option<Normalisation>,
+    /// Extrema where no handle holds the shape, before and after normalising.
+    pub spurious: SpuriousExtrema,
     /// What they were computed on.
     pub domain: DomainKind,
     /// How many vertices that has.

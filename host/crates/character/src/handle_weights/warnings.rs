@@ -1,7 +1,6 @@
 //! Problems with handles and their shape, found in the weights, and how they are reported.
 
 use armature_weights::WeightMatrix;
-use armature_weights::biharmonic::{BiharmonicOutcome, HandleReport};
 
 use super::domain::WeightDomain;
 use super::settings::DomainKind;
@@ -39,12 +38,11 @@ impl Drawbacks {
     pub(super) fn find(
         domain: &WeightDomain,
         weights: &WeightMatrix,
-        reports: &[Option<HandleReport>],
+        unconverged: (usize, f64),
         unreached: &[Vec<usize>],
         followed: &[usize],
     ) -> Self {
         let idle = |handle: &usize| weights.column(*handle).all(|(_, weight)| weight <= DUST);
-        let late = reports.iter().flatten().filter(|report| report.outcome != BiharmonicOutcome::Converged);
         let of_pieces = unreached.iter().zip(followed);
         // Points in no element are not pieces of the shape.
         let pieces = of_pieces.filter(|(piece, _)| piece.iter().any(|&vertex| domain.mass[vertex] > 0.0));
@@ -54,7 +52,7 @@ impl Drawbacks {
             coincident: coincident(&domain.held),
             beside: beside(domain),
             followed: pieces.map(|(_, &handle)| handle).collect(),
-            unconverged: late.fold((0, 0.0), |(count, worst), r| (count + 1, f64::max(worst, r.error_bound))),
+            unconverged,
             degenerate: domain.degenerate,
             slivers: slivers(&domain.mass),
         }

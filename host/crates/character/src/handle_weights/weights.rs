@@ -5,9 +5,10 @@ use armature_geometry::volume::VolumeError;
 use armature_geometry::{TetrahedralMesh, TriangleMesh};
 use armature_weights::WeightMatrix;
 use armature_weights::biharmonic::{
-    BiharmonicError, BiharmonicProblem, ExactPartitionReport, ExactPartitionSettings, HandleReport,
+    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, ExactPartitionReport, ExactPartitionSettings, HandleReport,
     bounded_biharmonic_weights, exact_partition_weights,
 };
+use armature_weights::extrema::Neighbours;
 use armature_weights::finish::{follow_nearest_handle, normalise};
 use armature_weights::handles::{
     Handle, HandleBoundary, HandleError, HandleKind, MOST_FREE_NEAR_JOINTS, free_joints, handle_boundary,
@@ -19,6 +20,7 @@ use super::error::HandleWeightsError;
 use super::handle::{HandlePlace, HandleShape, Held};
 use super::outcome::HandleWeights;
 use super::settings::{HandleWeightsSettings, Partition, WeightsOn};
+use super::spurious::{SpuriousExtrema, spurious_of};
 use super::warnings::{Drawbacks, weight_warnings};
 use crate::progress::Progress;
 use crate::volume::MakeError;
@@ -38,17 +40,20 @@ pub fn handle_weights(
 ) -> Result<HandleWeights, HandleWeightsError> {
     let (domain, boundary, columns) = prepare(surface, tetrahedra, held, settings, progress)?;
     let mut solved = solve(&domain, &boundary, settings, progress)?;
+    let names = held.names();
     let followed = follow_nearest_handle(&mut solved.weights, &solved.unreached, &boundary, &domain.vertices);
+    let neighbours = Neighbours::of_matrix(&domain.laplacian);
+    let spurious = |weights: &_| spurious_of(&domain, &neighbours, &boundary, weights, (&columns, names.len()));
+    let computed = spurious(&solved.weights)?;
     let normalisation = (settings.partition == Partition::Normalised).then(|| normalise(&mut solved.weights));
-    let names: Vec<String> = match held {
-        Held::Shapes { shapes, .. } => shapes.iter().map(|shape| shape.name.clone()).collect(),
-        Held::Boundary(boundary) => (1..=boundary.handles).map(|handle| format!("handle {handle}")).collect(),
-    };
+    let scaled = normalisation.as_ref().map(|_| spurious(&solved.weights)).transpose()?;
     let weights = whole(&domain, &solved.weights, &columns, names.len())?;
     let mut reports = vec![None; names.len()];
     columns.iter().zip(solved.reports).for_each(|(&column, report)| reports[column] = Some(report));
     let followed: Vec<usize> = followed.into_iter().map(|handle| columns[handle]).collect();
-    let drawbacks = Drawbacks::find(&domain, &weights, &reports, &solved.unreached, &followed);
+    let late = reports.iter().flatten().filter(|report| report.outcome != BiharmonicOutcome::Converged);
+    let unconverged = late.fold((0, 0.0), |(count, worst), r| (count + 1, f64::max(worst, r.error_bound)));
+    let drawbacks = Drawbacks::find(&domain, &weights, unconverged, &solved.unreached, &followed);
     Ok(HandleWeights {
         warnings: weight_warnings(&drawbacks, &names),
         idle: drawbacks.idle,
@@ -56,6 +61,7 @@ pub fn handle_weights(
         reports,
         together: solved.together,
         normalisation,
+        spurious: SpuriousExtrema { computed, scaled },
         domain: domain.kind,
         domain_vertices: domain.vertices.len(),
         flat_elements: domain.degenerate,
