@@ -177,7 +177,9 @@ fn joints_without_a_bone_turn_the_next_ones_below_them() {
 #[test]
 fn pinned_feet_stay_while_the_pelvis_moves() {
     let human = character("human");
-    let run = eight_joints(&human, &options("human8", 4), &FEET);
+    // Thighs that swing over feet that stay bend one knee the wrong way, which limits do not allow.
+    let without_limits = IkArgs { limit: vec!["off".into()], ..ik(&FEET) };
+    let run = eight_joints_by(&human, &options("human8", 4), without_limits);
     let skeleton = run.take.skeleton().unwrap().clone();
     let rest = skeleton.rest_model_from_bone();
     let (mut slid, mut sank) = (0.0_f32, 0.0_f32);

@@ -6,6 +6,7 @@
 mod end_to_end;
 mod few_joints;
 mod hotplug;
+mod joint_limits;
 mod mapping;
 mod mocap;
 mod mounting;

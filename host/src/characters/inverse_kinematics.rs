@@ -3,7 +3,8 @@
 use std::convert::Infallible;
 
 use armature_character::inverse_kinematics::{
-    BoneRole, InverseKinematics, PinnedBone, PreferredBone, UnknownPreference,
+    BoneRole, InverseKinematics, LimitedBone, PinnedBone, PreferredBone, UnknownLimit, UnknownPreference,
+    anatomical_limits,
 };
 use clap::{Args, ValueEnum};
 
@@ -37,14 +38,22 @@ pub struct IkArgs {
     /// bends), BONE:swing=40:twist=-60..60 limits how far it bends in any direction and twists, in degrees
     #[arg(long, value_name = "BONE:WHAT=N", value_delimiter = ',')]
     pub prefer: Vec<String>,
+    /// How far a bone without a joint can turn against its parent, separated by commas: BONE:bend=LEAST..MOST, lean=, roll=
+    /// in degrees, or BONE:free. Of a recognised human all joints have limits, which this changes; off: none has
+    #[arg(long, value_name = "BONE:WHAT=A..B", value_delimiter = ',')]
+    pub limit: Vec<String>,
 }
+
+/// The word of `--limit` for a human without limits of its own.
+const NO_ANATOMY: &str = "off";
 
 impl IkArgs {
     /// Inverse kinematics for a character, if chosen and possible.
     pub fn for_character(&self, character: &LoadedCharacter) -> Result<Option<InverseKinematics>, Failure> {
         if self.ik == IkMode::Off {
-            let needless =
-                [("--pin", &self.pin), ("--prefer", &self.prefer)].into_iter().find(|(_, words)| !words.is_empty());
+            let needless = [("--pin", &self.pin), ("--prefer", &self.prefer), ("--limit", &self.limit)]
+                .into_iter()
+                .find(|(_, words)| !words.is_empty());
             return match needless {
                 Some((option, _)) => {
                     Err(Failure::usage(format!("{option} needs inverse kinematics"), "leave out --ik off"))
@@ -53,7 +62,8 @@ impl IkArgs {
             };
         }
         let Some(bound) = character.character() else {
-            let wanted = self.ik == IkMode::On || !self.pin.is_empty() || !self.prefer.is_empty();
+            let words = [&self.pin, &self.prefer, &self.limit];
+            let wanted = self.ik == IkMode::On || words.into_iter().any(|words| !words.is_empty());
             let what = format!("{} has no mesh, and inverse kinematics follows the shape", character.name);
             return if wanted {
                 Err(Failure::usage(what, "choose a character with a mesh, such as human"))
@@ -65,8 +75,18 @@ impl IkArgs {
             self.pin.iter().map(|text| text.parse().unwrap_or_else(|never: Infallible| match never {})).collect();
         let preferred: Result<Vec<PreferredBone>, _> = self.prefer.iter().map(|text| text.parse()).collect();
         let preferred = preferred.map_err(|e: UnknownPreference| Failure::usage(e.to_string(), ""))?;
+        let anatomy = if self.limit.iter().any(|word| word == NO_ANATOMY) {
+            Vec::new()
+        } else {
+            anatomical_limits(&character.skeleton)
+        };
+        let own = self.limit.iter().filter(|word| *word != NO_ANATOMY).map(|text| text.parse());
+        let own = own.collect::<Result<Vec<LimitedBone>, UnknownLimit>>();
+        let own = own.map_err(|e| Failure::usage(e.to_string(), ""))?;
         let made = InverseKinematics::new(bound, &pins).and_then(|mut ik| {
             ik.prefer_all(&preferred)?;
+            ik.limit_all(&anatomy)?;
+            ik.limit_all(&own)?;
             Ok(ik)
         });
         made.map(Some).map_err(|e| {

@@ -89,6 +89,8 @@ pub struct Puppeteer {
     inverse_kinematics: Option<InverseKinematics>,
     /// What its bones prefer, in the user's words.
     preferences: Vec<String>,
+    /// How far the worst pin was missed since the take began or the puppet came, mesh units.
+    missed: f32,
     /// A take that began without inverse kinematics goes on without.
     solves_joints_alone: bool,
     model_from_bone: Vec<Affine3A>,
@@ -113,6 +115,7 @@ impl Puppeteer {
             inverse_kinematics: None,
             preferences: Vec::new(),
             solves_joints_alone: false,
+            missed: 0.0,
             character,
             skin,
             chosen_mapping: mapping,
@@ -290,6 +293,7 @@ impl Puppeteer {
 
     /// Forgets what sensors said before, so that a take that begins now can be solved from its own samples alone.
     fn forget_past(&mut self) {
+        self.missed = 0.0;
         self.solver.forget_past();
         if let Some(ik) = &mut self.inverse_kinematics {
             ik.restart();
@@ -320,6 +324,7 @@ impl Puppeteer {
         needed.map(|ik| InverseKinematicsHeader {
             pins: ik.pins().map(|pin| pin.to_string()).collect(),
             preferences: self.preferences.clone(),
+            limits: ik.limits().map(|limited| limited.to_string()).collect(),
         })
     }
 
@@ -347,6 +352,9 @@ impl Puppeteer {
             }
             Err(error) => return Err(Failure::device(error.to_string(), "unplug the puppet and connect again")),
         };
+        if let Some(ik) = self.inverse_kinematics.as_ref().filter(|_| !self.solves_joints_alone) {
+            self.missed = self.missed.max(ik.worst_pin());
+        }
         pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
         if let Some(skin) = &mut self.skin {
             let skinned = skin.solve(&self.model_from_bone, &mut self.positions, &mut self.normals);
@@ -414,6 +422,18 @@ impl Puppeteer {
     /// The latest pose.
     pub fn pose(&self) -> &Pose {
         self.solver.completed_pose()
+    }
+
+    /// The height of the skeleton at rest, mesh units.
+    pub fn height(&self) -> f32 {
+        let ends = self.character.skeleton.rest_segments().into_iter().flat_map(|(head, tail)| [head.y, tail.y]);
+        let (low, high) = ends.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
+        if high > low { high - low } else { 1.0 }
+    }
+
+    /// How far the worst pin was missed at most, mesh units; 0 where all were held.
+    pub fn missed_pin(&self) -> f32 {
+        self.missed
     }
 
     /// What decides how each bone is turned; `None` where bones without a joint stay at rest.

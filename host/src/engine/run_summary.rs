@@ -26,6 +26,8 @@ pub struct RunSummary {
     pub joints_bones_driven: (usize, usize, usize),
     /// What turned the bones; `None` where bones without a joint stayed at rest.
     pub roles: Option<RoleCounts>,
+    /// How far the worst pin was missed, mesh units, where one was.
+    pub missed_pin: Option<f32>,
     /// Poses after zeroing.
     pub poses: u64,
     /// How long they went on, seconds.
@@ -86,6 +88,12 @@ impl fmt::Display for RunSummary {
         }
         if let Some(roles) = &self.roles {
             writeln!(f, "bones      {roles}")?;
+        }
+        if let Some(missed) = self.missed_pin {
+            writeln!(
+                f,
+                "pins       out of reach by up to {missed:.4}: joints do not turn further (--limit changes how far)"
+            )?;
         }
         writeln!(f, "stream     {} poses in {:.2} s, {rate:.1} a second", self.poses, self.seconds)?;
         let counters = &self.counters;

@@ -43,7 +43,10 @@ pub fn completion(take: &Take, character: &LoadedCharacter) -> Result<Option<Inv
         );
         return Err(Failure::usage(what, "give the exact character it was recorded with by --character"));
     }
-    IkArgs { ik: IkMode::On, pin: header.pins.clone(), prefer: header.preferences.clone() }.for_character(character)
+    // The limits are those of the take, whatever a human has today.
+    let limit = std::iter::once("off".to_owned()).chain(header.limits.iter().cloned()).collect();
+    let (pin, prefer) = (header.pins.clone(), header.preferences.clone());
+    IkArgs { ik: IkMode::On, pin, prefer, limit }.for_character(character)
 }
 
 /// The take solved again with its roots following the feet as chosen.

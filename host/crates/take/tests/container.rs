@@ -225,10 +225,13 @@ fn only_a_take_with_inverse_kinematics_needs_the_newer_version() {
     assert_eq!(
         version(Some(InverseKinematicsHeader {
             pins: vec!["LeftFoot".into(), "Fuß".into()],
-            preferences: vec!["Neck:stiff=1".into()]
+            preferences: vec!["Neck:stiff=1".into()],
+            limits: Vec::new(),
         })),
         1
     );
+    let limits = vec!["LeftLowerLeg:bend=0..140".to_string()];
+    assert_eq!(version(Some(InverseKinematicsHeader { limits, ..InverseKinematicsHeader::default() })), 2);
 }
 
 #[test]
@@ -387,7 +390,7 @@ proptest! {
             seed: numbers.1,
             virtual_clock: numbers.2,
             unix_micros: numbers.3,
-            inverse_kinematics: pins.map(|(pins, preferences)| InverseKinematicsHeader { pins, preferences }),
+            inverse_kinematics: pins.map(|(pins, preferences)| InverseKinematicsHeader { pins, preferences, limits: Vec::new() }),
         };
         let mut writer = TakeWriter::new(Vec::new(), &header).unwrap();
         writer.skeleton(&arm()).unwrap();

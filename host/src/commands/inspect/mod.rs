@@ -126,6 +126,9 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         if !ik.preferences.is_empty() {
             words.push(format!("with preferences: {}", ik.preferences.join(", ")));
         }
+        if !ik.limits.is_empty() {
+            words.push(format!("within limits: {}", ik.limits.join(", ")));
+        }
     }
     if let Some(ground) = take.ground() {
         let skeleton = take.skeleton().map(Skeleton::bones).unwrap_or_default();
@@ -167,6 +170,7 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         "ground": take.ground().map(|ground| json!({
             "mode": stands(ground.mode), "floor": ground.floor, "contacts": ground.contacts,
         })),
+        "inverse_kinematics_limits": header.inverse_kinematics.as_ref().map(|ik| &ik.limits),
         "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "joints": joints,
         "receipt": crate::takes::receipt::to_json(&receipt),
     });

@@ -1,5 +1,6 @@
 //! Which bone is which, as far as a skeleton's names and shape say.
 
+use armature_character::inverse_kinematics::anatomical_limits;
 use armature_rig::{Evidence, Figure, Skeleton, recognise};
 use serde_json::{Value, json};
 
@@ -13,8 +14,9 @@ const SURE: f32 = 0.9;
 pub(super) fn recognised(skeleton: &Skeleton) -> Findings {
     let recognition = recognise(skeleton);
     let found: Vec<_> = skeleton.bones().iter().zip(&recognition.bones).filter_map(|(b, f)| Some((b, (*f)?))).collect();
+    let limits: Vec<String> = anatomical_limits(skeleton).iter().map(ToString::to_string).collect();
     let value = json!({
-        "figure": recognition.figure.to_string(),
+        "figure": recognition.figure.to_string(), "limits": limits,
         "bones": found.iter().map(|(bone, found)| json!({
             "name": bone.name, "is": found.bone.to_string(), "by": by(found.evidence),
             "confidence": (f64::from(found.confidence) * 100.0).round() / 100.0,
@@ -39,6 +41,9 @@ pub(super) fn recognised(skeleton: &Skeleton) -> Findings {
         if !bones.is_empty() {
             words.push(format!("{what}: {}", bones.join(", ")));
         }
+    }
+    if !limits.is_empty() {
+        words.push(format!("turn, without a joint, no further than (degrees, --limit): {}", limits.join(", ")));
     }
     (words, value)
 }

@@ -14,6 +14,12 @@ pub enum IkError {
         /// A bone whose name differs only in case.
         nearest: Option<String>,
     },
+    /// A limit that does not contain the rest pose, or is no angle.
+    #[error("the limit of {bone:?} must be angles of at most half a turn, with the rest pose between them")]
+    UnusableLimit {
+        /// The bone.
+        bone: String,
+    },
     /// The shape cannot be reduced to its bones.
     #[error("the shape cannot be posed by a few of its bones: {0}")]
     Shape(#[from] ArapError),

@@ -149,7 +149,7 @@ fn skew(v: Vec3) -> Mat3 {
 }
 
 /// Solves a symmetric positive definite system by Cholesky, in place; `false` if it is not definite.
-fn solve_in_place(matrix: &mut [f32], right: &mut [f32]) -> bool {
+pub(super) fn solve_in_place(matrix: &mut [f32], right: &mut [f32]) -> bool {
     let n = right.len();
     for j in 0..n {
         for i in j..n {

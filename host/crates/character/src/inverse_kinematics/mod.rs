@@ -4,7 +4,8 @@
 //! puts it as long as everything between it and a pin is driven or held. The rest minimises the energy of the whole
 //! shape over the bones' transformations ([`ReducedArap`]). The affine result becomes a pose of rigid bones: the
 //! nearest rotation of each solved bone, rest lengths from parent to child, and then the smallest change that puts pins
-//! back in place. Everything after that (skinning, takes, exports) uses that pose.
+//! back in place, within what joints allow ([`JointLimit`], [`anatomical_limits`]): a pin that they do not let a bone reach
+//! is missed, and [`InverseKinematics::worst_pin`] says by how much. Everything after that (skinning, takes, exports) uses that pose.
 //!
 //! The human's own puppet turns only head, hands and feet; the bones between are solved:
 //!
@@ -22,10 +23,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod anatomy;
 mod bone_roles;
 mod comfort;
 mod error;
 mod held_pins;
+mod joint_limit;
+mod jointed_pins;
 mod layout;
 mod pinned_bone;
 mod preferred_bone;
@@ -34,9 +38,11 @@ mod shape;
 mod solved_system;
 mod solver;
 
+pub use anatomy::anatomical_limits;
 pub use bone_roles::BoneRole;
 pub use comfort::Comfort;
 pub use error::IkError;
+pub use joint_limit::{JointLimit, LimitedBone, UnknownLimit};
 pub use pinned_bone::{PinHold, PinnedBone};
 pub use preferred_bone::{PreferredBone, UnknownPreference};
 pub use solver::InverseKinematics;

@@ -7,6 +7,8 @@ use glam::{Affine3A, Mat3, Mat3A, Quat, Vec3};
 
 use super::bone_roles::BoneRole;
 use super::held_pins::{HeldPins, Pin};
+use super::joint_limit::HandleLimit;
+use super::jointed_pins::JointedPins;
 use super::layout::Layout;
 use super::pinned_bone::PinHold;
 use super::rest::RestRig;
@@ -37,6 +39,8 @@ pub(super) struct SolvedSystem {
     solved: Vec<SolvedBone>,
     roots: Vec<usize>,
     pins: HeldPins,
+    /// Where joints have limits.
+    jointed: Option<JointedPins>,
     pub(super) worst_pin: f32,
     /// One per handle.
     targets: Vec<Affine3A>,
@@ -49,7 +53,7 @@ pub(super) struct SolvedSystem {
 }
 
 impl SolvedSystem {
-    pub(super) fn new(rig: &RestRig, layout: Layout, arap: ReducedArap) -> Self {
+    pub(super) fn new(rig: &RestRig, layout: Layout, arap: ReducedArap, limits: Vec<HandleLimit>) -> Self {
         let bones = rig.skeleton.bones();
         let roots: Vec<usize> = (0..bones.len()).filter(|&bone| bones[bone].parent.is_none()).collect();
         let handles = layout.handle_count();
@@ -57,14 +61,19 @@ impl SolvedSystem {
         let solved = (0..handles)
             .filter(|&handle| is_solved(handle))
             .map(|handle| SolvedBone { handle, moments: moments(rig, &layout, handle) });
-        let free_roots = roots.iter().map(|&root| !layout.placed[layout.handle_of_bone[root]]).collect();
+        let free_roots: Vec<bool> = roots.iter().map(|&root| !layout.placed[layout.handle_of_bone[root]]).collect();
         let size = rig.heads.iter().fold(0.0_f32, |size, head| size.max(head.distance(rig.heads[0])));
         let pins = (0..bones.len())
             .filter(|&bone| rig.pins[bone].is_some())
             .map(|bone| pin(rig, &layout, &roots, bone))
             .filter(|pin| !pin.segments.is_empty() || !layout.placed[layout.handle_of_bone[roots[pin.root]]]);
+        let (pins, free_turns): (Vec<Pin>, Vec<bool>) = (pins.collect(), (0..handles).map(is_solved).collect());
+        let jointed =
+            (!limits.is_empty()).then(|| JointedPins::new(pins.clone(), limits, &free_turns, &free_roots, size));
+        let pins = HeldPins::new(pins, free_turns, free_roots, size);
         Self {
-            pins: HeldPins::new(pins.collect(), (0..handles).map(is_solved).collect(), free_roots, size),
+            jointed,
+            pins,
             solved: solved.collect(),
             fresh: arap.clone(),
             arap,
@@ -95,7 +104,10 @@ impl SolvedSystem {
                 self.arap.transforms()[handle].transform_point3(rig.heads[root]) - rig.heads[root]
             };
         }
-        self.worst_pin = self.pins.hold(&mut self.turns, &mut self.shifts);
+        self.worst_pin = match &mut self.jointed {
+            Some(jointed) => jointed.hold(&mut self.turns, &mut self.shifts),
+            None => self.pins.hold(&mut self.turns, &mut self.shifts),
+        };
         self.write(rig, pose);
     }
 

@@ -8,6 +8,7 @@ use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion};
 use super::bone_roles::{BoneRole, bone_roles};
 use super::comfort::{Comfort, check_comforts, soft_joints};
 use super::error::{IkError, find_bone};
+use super::joint_limit::{HandleLimit, JointLimit, LimitedBone};
 use super::layout::Layout;
 use super::pinned_bone::{PinHold, PinnedBone};
 use super::preferred_bone::PreferredBone;
@@ -28,6 +29,7 @@ pub struct InverseKinematics {
     rig: RestRig,
     shape: Shape,
     comforts: Vec<Option<Comfort>>,
+    limits: Vec<Option<JointLimit>>,
     moves: Vec<bool>,
     driven: Vec<bool>,
     roles: Vec<BoneRole>,
@@ -54,6 +56,7 @@ impl InverseKinematics {
         Ok(Self {
             roles: bone_roles(&skeleton, &driven, &held, &moves),
             comforts: vec![None; skeleton.len()],
+            limits: vec![None; skeleton.len()],
             rig: RestRig::new(skeleton, held),
             shape,
             moves,
@@ -95,7 +98,45 @@ impl InverseKinematics {
         let layout = Layout::new(&self.rig, &self.roles);
         let mut arap = self.shape.reduce(&self.rig, &layout, progress)?;
         arap.soften(&soft_joints(&self.comforts, &self.rig, &layout))?;
-        Ok(Some(SolvedSystem::new(&self.rig, layout, arap)))
+        let limits = self.handle_limits(&layout);
+        Ok(Some(SolvedSystem::new(&self.rig, layout, arap, limits)))
+    }
+
+    /// The limits of solved bones, parents first.
+    fn handle_limits(&self, layout: &Layout) -> Vec<HandleLimit> {
+        let of = |(bone, limit): (usize, &Option<JointLimit>)| {
+            let limit = limit.as_ref().filter(|limit| **limit != JointLimit::FREE)?;
+            let (own, above) = (layout.handle_of_bone[bone], layout.handle_of_bone[self.rig.parent(bone)?]);
+            let is_own = layout.bone_of_handle[own] == bone && layout.is_solved(own);
+            is_own.then(|| HandleLimit::new(&self.rig.skeleton, bone, [above, own], limit))
+        };
+        self.limits.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// Limits how far bones turn against the bones above them; initially nothing is limited, and a later limit of the same
+    /// bone replaces an earlier one. Applies where no joint turns the bone; pins yield to it. Whoever has prepared it with
+    /// [`drive`](Self::drive) must do so again.
+    pub fn limit_all(&mut self, bones: &[LimitedBone]) -> Result<(), IkError> {
+        for limited in bones {
+            let bone = find_bone(&self.rig.skeleton, &limited.bone)?;
+            if !limited.limit.is_sound() {
+                return Err(IkError::UnusableLimit { bone: limited.bone.clone() });
+            }
+            self.limits[bone] = Some(limited.limit);
+        }
+        self.system = None;
+        self.driven.fill(false);
+        self.roles = bone_roles(&self.rig.skeleton, &self.driven, &self.rig.pins, &self.moves);
+        Ok(())
+    }
+
+    /// The limits in force, in the skeleton's order.
+    pub fn limits(&self) -> impl Iterator<Item = LimitedBone> {
+        let named = |(bone, limit): (&armature_rig::Bone, &Option<JointLimit>)| {
+            let limit = limit.filter(|limit| *limit != JointLimit::FREE)?;
+            Some(LimitedBone { bone: bone.name.clone(), limit })
+        };
+        self.rig.skeleton.bones().iter().zip(&self.limits).filter_map(named)
     }
 
     /// Sets what a bone (by its index in the skeleton) prefers; initially nothing. It applies where no joint turns the

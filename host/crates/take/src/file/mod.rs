@@ -25,7 +25,7 @@
 //! |---|---|
 //! | 8 bytes | `8A 54 41 4B 45 0D 0A 0A` |
 //! | `u16` | major version, 1 |
-//! | `u16` | minor version: 1 if the header says 16 (below), else 0 |
+//! | `u16` | minor version: 2 if the header says 64 (below), 1 if it says 16, else 0 |
 //! | `u32` | CRC-32 of the 12 bytes before |
 //!
 //! Then come records until the end of the file, the header first:
@@ -42,7 +42,7 @@
 //!
 //! | type | payload |
 //! |---|---|
-//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics, 32 with preferences (both since 1.1) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged 16: `u16` pinned bones · for each: `text` name · if flagged 32 as well: `u16` preferences · for each: `text` |
+//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics, 32 with preferences (both since 1.1), 64 with limits (since 1.2) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged 16: `u16` pinned bones · for each: `text` name · if flagged 32 as well: `u16` preferences · for each: `text` · if flagged 64 as well: `u16` limits of joints · for each: `text` |
 //! | 2 skeleton, at most once, before the first pose | `u16` bones · for each: `text` name · `u16` parent, FFFF for a root · rest transform `parent_from_bone`: 3 `f32` translation, 4 `f32` rotation (x, y, z, w), 3 `f32` scale · 3 `f32` tail in the bone's rest frame |
 //! | 3 topology, from here on | `u16` epoch · `u16` parts, at most 4,096 · for each: 12 bytes number · `u8` kind: 1 bend, 2 twist, 3 twist-bend-twist, 4 splitter · `u8` outlets of a splitter, else 0 · `u16` parent, FFFF for the root · `u8` outlet of the parent · `u32` counts a turn |
 //! | 4 calibration, from here on, replaces the former one | `u16` parts · for each: 12 bytes number · `u8` sensors · for each: `u8` flags: 1 zeroed, 2 reversed, 4 turns about the twist axis (else bend) · `u16` count in the rest pose, 0 if not zeroed |

@@ -29,18 +29,21 @@ mod header_flag {
     pub(super) const UNIX_MICROS: u32 = 8;
     pub(super) const INVERSE_KINEMATICS: u32 = 16;
     pub(super) const PREFERENCES: u32 = 32;
+    pub(super) const LIMITS: u32 = 64;
 }
 
 pub(super) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), WriteError> {
     let set = |on: bool, flag: u32| if on { flag } else { 0 };
     let preferences = header.inverse_kinematics.as_ref().map(|ik| &ik.preferences).filter(|words| !words.is_empty());
+    let limits = header.inverse_kinematics.as_ref().map(|ik| &ik.limits).filter(|words| !words.is_empty());
     out.put_u32(
         set(header.virtual_clock, header_flag::VIRTUAL_CLOCK)
             | set(header.nominal_samples_per_second.is_some(), header_flag::RATE)
             | set(header.seed.is_some(), header_flag::SEED)
             | set(header.unix_micros.is_some(), header_flag::UNIX_MICROS)
             | set(header.inverse_kinematics.is_some(), header_flag::INVERSE_KINEMATICS)
-            | set(preferences.is_some(), header_flag::PREFERENCES),
+            | set(preferences.is_some(), header_flag::PREFERENCES)
+            | set(limits.is_some(), header_flag::LIMITS),
     );
     out.put_f64(header.nominal_samples_per_second.unwrap_or(0.0));
     out.put_u64(header.seed.unwrap_or(0));
@@ -51,9 +54,13 @@ pub(super) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), Write
     let Some(ik) = &header.inverse_kinematics else { return Ok(()) };
     put_count(out, "the pinned bones", ik.pins.len(), Skeleton::MAX_BONES)?;
     ik.pins.iter().try_for_each(|name| put_text(out, "a pinned bone's name", name))?;
-    let Some(preferences) = preferences else { return Ok(()) };
-    put_count(out, "what bones prefer", preferences.len(), Skeleton::MAX_BONES)?;
-    preferences.iter().try_for_each(|words| put_text(out, "what a bone prefers", words))
+    if let Some(preferences) = preferences {
+        put_count(out, "what bones prefer", preferences.len(), Skeleton::MAX_BONES)?;
+        preferences.iter().try_for_each(|words| put_text(out, "what a bone prefers", words))?;
+    }
+    let Some(limits) = limits else { return Ok(()) };
+    put_count(out, "the limits of joints", limits.len(), Skeleton::MAX_BONES)?;
+    limits.iter().try_for_each(|words| put_text(out, "the limit of a joint", words))
 }
 
 pub(super) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadError> {
@@ -76,7 +83,9 @@ pub(super) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadErro
         let pins = (0..count).map(|_| fields.text("pinned bone")).collect::<Result<_, _>>()?;
         let count = if flags & header_flag::PREFERENCES != 0 { fields.u16("preferences")? } else { 0 };
         let preferences = (0..count).map(|_| fields.text("what a bone prefers")).collect::<Result<_, _>>()?;
-        header.inverse_kinematics = Some(InverseKinematicsHeader { pins, preferences });
+        let count = if flags & header_flag::LIMITS != 0 { fields.u16("limits")? } else { 0 };
+        let limits = (0..count).map(|_| fields.text("the limit of a joint")).collect::<Result<_, _>>()?;
+        header.inverse_kinematics = Some(InverseKinematicsHeader { pins, preferences, limits });
     }
     Ok(header)
 }

@@ -33,12 +33,14 @@ pub struct InverseKinematicsHeader {
     pub pins: Vec<String>,
     /// The bones' preferences, in a notation of the recording program.
     pub preferences: Vec<String>,
+    /// The limits of the bones' joints, in a notation of the recording program.
+    pub limits: Vec<String>,
 }
 
 impl Header {
     /// The lowest minor version of the format that can store this.
     pub(super) fn minor_version(&self) -> u16 {
-        u16::from(self.inverse_kinematics.is_some())
+        self.inverse_kinematics.as_ref().map_or(0, |ik| if ik.limits.is_empty() { 1 } else { 2 })
     }
 }
 
