@@ -72,8 +72,10 @@ mod tests {
         assert_eq!(told(Expected::Outermost), [(false, 0.5), (true, 0.125), (false, 0.125)]);
         // The valley is one, and as deep as the hill that parts it from an end as low as itself.
         let held = told(Expected::At(&[0, 5, 8]));
-        assert_eq!(held, [(true, 0.5), (false, 0.5), (true, 0.125), (false, 0.125)]);
+        assert_eq!(held, [(false, 0.5), (true, 0.5), (true, 0.125), (false, 0.125)]);
         assert_eq!(told(Expected::At(&[0, 1, 3, 5, 8])), [(true, 0.125), (false, 0.125)]);
-        assert_eq!(told(Expected::At(&[8, 5]))[0], (true, 0.5), "of equals, the expected one counts as lowest");
+        // Of equals, the expected one counts as the lowest, and the first end only parts from it at the hill.
+        let valley = told(Expected::At(&[3, 5]));
+        assert_eq!(valley, [(true, 1.0), (true, 0.5), (false, 0.5), (true, 0.125), (false, 0.125)]);
     }
 }
