@@ -6,7 +6,7 @@
 #[macro_use]
 mod skin_suite;
 
-use armature_deform::skin::{SkinError, StretchTwist};
+use armature_deform::skin::{LinearBlendSkin, MorphOffsets, Morphs, SkinError, StretchTwist};
 use armature_render::{Gpu, GpuSkin, RenderError, RestShape, SkinMethod, SkinPoses};
 use skin_suite::{
     Character, Cpu, Dice, Evaluator, METHODS, Method, Poses, Rest, Skinned, sheared_frames, stretched_pose,
@@ -107,6 +107,32 @@ fn many_poses_at_once_agree_with_the_kernels_on_the_cpu() {
 fn some_plain(mut poses: Vec<StretchTwist>) -> Vec<StretchTwist> {
     poses.iter_mut().step_by(3).for_each(|bone| (bone.stretch, bone.twist) = (1.0, [0.0; 2]));
     poses
+}
+
+#[test]
+fn morph_targets_are_blended_before() {
+    let Some(Shaders(gpu)) = adapter() else { return };
+    let character = Character::new(VERTICES, BONES, 4, &mut Dice(5));
+    let Character { positions, normals, influences, frames: rest, .. } = &character;
+    let offsets: Vec<[f32; 3]> = (0..50).map(|k| [0.01 * k as f32, 0.5, -0.25]).collect();
+    let target = MorphOffsets { first_vertex: 100, positions: &offsets, normals: &offsets, rest_weight: 0.0 };
+    let mut morphs = Morphs::precompute(positions, normals, &[target]).expect("offsets");
+    let (shape, method) = (RestShape { positions, normals, influences }, SkinMethod::LinearBlend(rest));
+    let mut skin = GpuSkin::precompute(&gpu, &shape, &method, 1).expect("a skin");
+    let mut twin = LinearBlendSkin::precompute(positions, normals, influences, rest).expect("a skin");
+    let poses = sheared_frames(BONES, 1, &mut Dice(6));
+    for weight in [0.75, 0.0] {
+        assert!(morphs.solve(&[weight]).expect("a weight"));
+        skin.set_rest(&gpu, &morphs).expect("the same vertices");
+        twin.set_rest(&morphs).expect("the same vertices");
+        skin.solve(&gpu, &SkinPoses::Frames(&poses)).expect("a pose");
+        let got = skin.read(&gpu).expect("a pose");
+        let mut expected = (positions.clone(), normals.clone());
+        twin.solve(&poses, &mut expected.0, &mut expected.1).expect("a pose");
+        let pairs = got.positions.iter().zip(&expected.0).chain(got.normals.iter().zip(&expected.1));
+        let apart = pairs.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
+        assert!(apart < AGREE, "weight {weight}: {apart:.1e}");
+    }
 }
 
 #[test]

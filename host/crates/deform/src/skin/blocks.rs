@@ -12,6 +12,7 @@ use armature_geometry::Influences;
 use super::bones::unit_normal;
 use super::error::{SkinError, expect_length};
 use super::in_chunks::in_chunks;
+use super::morphs::Morphs;
 use crate::lanes::{Eight, EightKernel, LANES, Lane, with_eight};
 
 /// If a blended map's cofactors, relative to its own largest entry, shrink a normal to less than this (squared), it has
@@ -92,6 +93,19 @@ impl SkinBlocks {
             }
         }
         out
+    }
+
+    /// Gives the vertices that morph targets move their blended positions and normals.
+    pub(super) fn set_rest(&mut self, morphs: &Morphs) -> Result<(), SkinError> {
+        expect_length("vertices of the morph targets", morphs.vertex_count(), self.vertex_count)?;
+        for (vertex, position, normal) in morphs.moved() {
+            let (block, lane) = (&mut self.blocks[vertex / LANES], vertex % LANES);
+            for axis in 0..3 {
+                block.position[axis][lane] = position[axis];
+                block.normal[axis][lane] = normal[axis];
+            }
+        }
+        Ok(())
     }
 
     /// Checks that there is space for every vertex's position and normal.

@@ -10,6 +10,7 @@ use glam::Affine3A;
 use super::blocks::{Blend, Block, Layer, Pivots, made_unit};
 use super::error::SkinError;
 use super::frame_skin::{FrameSkin, RestSkin, solve_frames};
+use super::morphs::Morphs;
 use crate::lanes::{Eight, LANES, Lane};
 
 /// Real part `[w, x, y, z]`, then the dual part.
@@ -40,6 +41,11 @@ impl DualQuaternionSkin {
         let pivots = Pivots::new(&rest.blocks);
         let none = |count| vec![DualQuaternion([0.0; LANES]); count];
         Ok(Self { model_from_rest: none(rest.frames.binding_count()), signed: none(pivots.pairs.len()), rest, pivots })
+    }
+
+    /// Moves the rest shape to where morph targets have it. Allocates nothing.
+    pub fn set_rest(&mut self, morphs: &Morphs) -> Result<(), SkinError> {
+        self.rest.blocks.set_rest(morphs)
     }
 
     /// Number of vertices.

@@ -53,6 +53,12 @@ pub enum SkinError {
         /// Zero-based bone.
         bone: usize,
     },
+    /// The weight of a morph target is NaN or infinite.
+    #[error("the weight of morph target {target} is not finite")]
+    WeightNotFinite {
+        /// Zero-based target.
+        target: usize,
+    },
     /// A frame of the pose is NaN or infinite; nothing was written.
     #[error("the pose of bone {bone} is not finite; nothing was skinned")]
     PoseNotFinite {

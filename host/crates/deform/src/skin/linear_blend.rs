@@ -11,6 +11,7 @@ use super::blocks::{Blend, Block, Layer, Map};
 use super::bones::{BoneBinding, BoneRows};
 use super::error::SkinError;
 use super::frame_skin::{FrameSkin, RestSkin, solve_frames};
+use super::morphs::Morphs;
 use crate::lanes::{Eight, LANES, Lane};
 
 /// One bone's `model_from_rest` as rows of `(x, y, z, translation)`: two that fill a register, and the third.
@@ -56,6 +57,11 @@ impl LinearBlendSkin {
     fn of(rest: RestSkin) -> Self {
         let model_from_rest = vec![Rows { upper: [0.0; LANES], lower: [0.0; 4] }; rest.frames.binding_count()];
         Self { rest, model_from_rest }
+    }
+
+    /// Moves the rest shape to where morph targets have it. Allocates nothing.
+    pub fn set_rest(&mut self, morphs: &Morphs) -> Result<(), SkinError> {
+        self.rest.blocks.set_rest(morphs)
     }
 
     /// Number of vertices.

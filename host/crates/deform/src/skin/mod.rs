@@ -5,6 +5,7 @@
 //! | linear blending (thesis eq. 2.1) | [`LinearBlendSkin`] |
 //! | dual quaternions (Kavan et al. 2008) | [`DualQuaternionSkin`] |
 //! | stretchable, twistable bones over either (thesis chapter 6) | [`StretchTwistSkin`] |
+//! | morph targets, blended before | [`Morphs`] |
 //! | bones prepared for kernels, here and on the graphics adapter | [`bones`] |
 //!
 //! All write positions and unit normals, allocate nothing in `solve`, and give the same bits on any number of threads.
@@ -36,10 +37,12 @@ mod error;
 mod frame_skin;
 mod in_chunks;
 mod linear_blend;
+mod morphs;
 mod stretch_twist;
 
 pub use bones::{BoneSegment, StretchTwist};
 pub use dual_quaternion::DualQuaternionSkin;
 pub use error::SkinError;
 pub use linear_blend::LinearBlendSkin;
+pub use morphs::{MorphOffsets, Morphs};
 pub use stretch_twist::{BoneBlend, StretchTwistSkin};

@@ -1,7 +1,9 @@
 //! Skinning of many poses at once on the graphics adapter. Every kernel has its twin in `deform`.
 
+use std::ops::Range;
+
 use armature_deform::skin::bones::{PosedBone, RestFrames, RestSegments, unit_normal};
-use armature_deform::skin::{BoneBlend, BoneSegment, SkinError, StretchTwist};
+use armature_deform::skin::{BoneBlend, BoneSegment, Morphs, SkinError, StretchTwist};
 use armature_geometry::Influences;
 use bytemuck::{Pod, Zeroable, cast_slice};
 use glam::Affine3A;
@@ -87,7 +89,8 @@ pub struct GpuSkin {
     sizes: wgpu::Buffer,
     bones: wgpu::Buffer,
     posed: wgpu::Buffer,
-    vertex_count: usize,
+    rest_vertices: Vec<RestVertex>,
+    rest_buffer: wgpu::Buffer,
     most_poses: usize,
     poses: usize,
     rest: RestBones,
@@ -110,7 +113,7 @@ struct Sizes {
     poses: u32,
 }
 
-#[derive(Clone, Copy, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct RestVertex {
     position: [f32; 3],
@@ -167,7 +170,8 @@ impl GpuSkin {
             buffer
         };
         gpu.checked(|| {
-            let vertices = on_gpu("rest", cast_slice(&rest_vertices(shape)));
+            let rest_vertices = rest_vertices(shape);
+            let rest_buffer = on_gpu("rest", cast_slice(&rest_vertices));
             let influence_buffer = on_gpu("influences", cast_slice(&packed(influences, ends)));
             let sizes = gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("sizes"),
@@ -178,7 +182,7 @@ impl GpuSkin {
             let bones = storage(&gpu.device, "bones", bytes[1]);
             let posed = storage(&gpu.device, "posed", bytes[0]);
             let pipeline = pipeline(&gpu.device, source, entry);
-            let buffers = [&sizes, &vertices, &influence_buffer, &bones, &posed];
+            let buffers = [&sizes, &rest_buffer, &influence_buffer, &bones, &posed];
             let entries: Vec<wgpu::BindGroupEntry> = (0..)
                 .zip(buffers)
                 .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
@@ -196,14 +200,42 @@ impl GpuSkin {
                 poses: most_poses as u32,
             };
             gpu.queue.write_buffer(&sizes, 0, cast_slice(&[size]));
-            let vertex_count = positions.len();
-            Self { pipeline, group, sizes, bones, posed, vertex_count, most_poses, poses: 0, rest, scratch: Vec::new() }
+            Self {
+                pipeline,
+                group,
+                sizes,
+                bones,
+                posed,
+                rest_vertices,
+                rest_buffer,
+                most_poses,
+                poses: 0,
+                rest,
+                scratch: Vec::new(),
+            }
         })
     }
 
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
-        self.vertex_count
+        self.rest_vertices.len()
+    }
+
+    /// Moves the rest shape to where morph targets have it.
+    pub fn set_rest(&mut self, gpu: &Gpu, morphs: &Morphs) -> Result<(), RenderError> {
+        let (got, expected) = (morphs.vertex_count(), self.vertex_count());
+        if got != expected {
+            return Err(SkinError::Length { what: "vertices of the morph targets", got, expected }.into());
+        }
+        let mut changed: Option<Range<usize>> = None;
+        for (vertex, position, normal) in morphs.moved() {
+            let rest = &mut self.rest_vertices[vertex];
+            (rest.position, rest.normal) = (position, normal);
+            changed = Some(changed.map_or(vertex, |range| range.start)..vertex + 1);
+        }
+        let Some(changed) = changed else { return Ok(()) };
+        let first_byte = (changed.start * size_of::<RestVertex>()) as u64;
+        gpu.checked(|| gpu.queue.write_buffer(&self.rest_buffer, first_byte, cast_slice(&self.rest_vertices[changed])))
     }
 
     /// Number of bones.
@@ -225,7 +257,7 @@ impl GpuSkin {
         }
         self.rest.prepare(poses, &mut self.scratch)?;
         self.poses = count;
-        if self.poses == 0 || self.vertex_count == 0 {
+        if self.poses == 0 || self.vertex_count() == 0 {
             return Ok(());
         }
         gpu.checked(|| {
@@ -237,7 +269,7 @@ impl GpuSkin {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 pass.set_pipeline(&self.pipeline);
                 pass.set_bind_group(0, &self.group, &[]);
-                pass.dispatch_workgroups((self.vertex_count as u32).div_ceil(GROUP_SIZE), poses, 1);
+                pass.dispatch_workgroups((self.vertex_count() as u32).div_ceil(GROUP_SIZE), poses, 1);
             }
             gpu.queue.submit([encoder.finish()]);
         })
@@ -245,7 +277,7 @@ impl GpuSkin {
 
     /// The result of the last [`solve`](Self::solve); waits for it.
     pub fn read(&self, gpu: &Gpu) -> Result<SkinnedPoses, RenderError> {
-        let count = self.poses * self.vertex_count;
+        let count = self.poses * self.vertex_count();
         if count == 0 {
             return Ok(SkinnedPoses::default());
         }
