@@ -69,7 +69,7 @@ fn old() -> Value {
             { "name": "Surprised", "presetName": "unknown", "binds": [{ "mesh": 0, "index": 0, "weight": 100 }] }
         ] },
         "secondaryAnimation": {
-            "boneGroups": [{ "comment": "tail", "stiffiness": 2, "gravityPower": 0.5, "gravityDir": { "x": 0, "y": 0, "z": -1 },
+            "boneGroups": [{ "comment": "tail", "stiffiness": 2, "gravityPower": 0.5, "gravityDir": { "x": 0, "y": 0, "z": 1 },
                 "dragForce": 0.25, "hitRadius": 0.125, "bones": [1, 1234], "colliderGroups": [0] }],
             "colliderGroups": [{ "node": 0, "colliders": [{ "offset": { "x": 0, "y": 1, "z": 0 }, "radius": 0.25 }] }]
         }
@@ -98,6 +98,22 @@ fn both_versions_say_the_same_of_an_avatar() {
         assert_eq!(spring.colliders.len(), 1);
         assert_eq!(spring.colliders[0].tail, tail);
     }
+}
+
+#[test]
+fn avatars_of_the_old_version_are_turned_to_look_the_same_way() {
+    let (new, old) = (model(&new()), model(&old()));
+    let turned = |[x, y, z]: [f64; 3]| [-x, y, -z];
+    let vertices: Vec<[f64; 3]> = new.mesh.vertices.iter().map(|&v| turned(v)).collect();
+    assert_eq!(old.mesh.vertices, vertices);
+    let heads = |model: &Model| model.rig.as_ref().unwrap().skeleton.rest_segments();
+    for ((new_head, new_tail), (old_head, old_tail)) in heads(&new).into_iter().zip(heads(&old)) {
+        let half_round = glam::Quat::from_rotation_y(std::f32::consts::PI);
+        assert!(
+            (half_round * new_head - old_head).length() < 1e-6 && (half_round * new_tail - old_tail).length() < 1e-6
+        );
+    }
+    assert_eq!(old.morph_targets[0].positions[1], new.morph_targets[0].positions[1].map(|c| 0.0 - c));
 }
 
 #[test]

@@ -21,6 +21,7 @@ mod rest;
 pub(crate) mod scene;
 mod skeleton;
 mod skin;
+mod turn;
 mod vrm;
 mod write;
 pub(crate) mod write_clip;

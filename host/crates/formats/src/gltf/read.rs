@@ -6,7 +6,8 @@ use super::nodes::Nodes;
 use super::open::open;
 use super::read_material::read_materials;
 use super::skin::Rig;
-use super::vrm::read_avatar;
+use super::turn::turn_around;
+use super::vrm::{OLD_VRM, read_avatar};
 use crate::FormatError;
 use crate::model::{Model, Resolver};
 use crate::text::counted;
@@ -37,6 +38,9 @@ pub(crate) fn read_gltf(file: &str, bytes: &[u8], resolver: Resolver) -> Result<
     } else if !document.root.animations.is_empty() {
         let animations = counted(document.root.animations.len(), ["animation", "animations"]);
         model.warnings.push(format!("{animations} of nodes without a skin: ignored."));
+    }
+    if model.avatar.as_ref().is_some_and(|avatar| avatar.version == OLD_VRM) {
+        turn_around(&mut model).map_err(|what| document.error(what))?;
     }
     Ok(model)
 }

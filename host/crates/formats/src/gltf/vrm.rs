@@ -10,6 +10,9 @@ use super::nodes::Nodes;
 use super::skin::Rig;
 use crate::model::{Avatar, Expression, HumanoidBone, SpringChain, SpringCollider, SpringJoint};
 
+/// The version before 1.0.
+pub(super) const OLD_VRM: &str = "0.x";
+
 /// Where a morph target of the model came from.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TargetSource {
@@ -34,7 +37,7 @@ pub(super) fn read_avatar(document: &Document, nodes: &Nodes, rig: &Rig, targets
     }
     let vrm = extensions.get("VRM")?;
     Some(Avatar {
-        version: "0.x".to_owned(),
+        version: OLD_VRM.to_owned(),
         humanoid: reader.old_humanoid(vrm),
         expressions: reader.old_expressions(vrm),
         springs: reader.old_springs(vrm),
