@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use armature_character::Character;
-use armature_deform::skin::LinearBlendSkin;
-use armature_formats::model::Texture;
+use armature_deform::skin::{LinearBlendSkin, Morphs};
+use armature_formats::model::{AlphaMode, Texture};
 use armature_geometry::Influences;
-use armature_render::{Material, MeshPart, Picture, decode_picture};
+use armature_render::{Alpha, Map, Material, MeshPart, Picture, Wrap, decode_picture};
 use armature_rig::Skeleton;
 
 use crate::failure::Failure;
@@ -36,7 +36,7 @@ pub struct Shape {
     pub positions: Vec<[f32; 3]>,
     /// Which triangles are drawn with which material.
     pub parts: Vec<MeshPart>,
-    /// Base colours and their images, decoded.
+    /// Materials with their images decoded.
     pub materials: Vec<Material>,
 }
 
@@ -59,6 +59,11 @@ impl Shape {
         self.character.surface.texture_coordinates.as_deref().filter(|uv| !uv.is_empty())
     }
 
+    /// n colours, linear, and opacities, if there are any.
+    pub fn vertex_colors(&self) -> Option<&[[f32; 4]]> {
+        self.character.surface.vertex_colors.as_deref()
+    }
+
     /// Which bones move each vertex, and how much.
     pub fn influences(&self) -> &Influences {
         &self.character.surface.influences
@@ -73,17 +78,16 @@ impl LoadedCharacter {
 
     /// A bound character, and warnings about textures that cannot be decoded: they are not drawn, but exports keep them.
     pub fn bound(source: &str, character: Character) -> (Self, Vec<String>) {
-        let (materials, warnings) = drawn_materials(&character);
+        let (materials, mut warnings) = drawn_materials(&character);
+        let positions = character.positions_in_rest_pose().unwrap_or_else(|reason| {
+            warnings.push(format!("{} is shown as it was bound, not at rest: {reason}", character.name));
+            character.rest_positions()
+        });
         let loaded = Self {
             name: character.name.clone(),
             source: source.into(),
             skeleton: character.skeleton.clone(),
-            shape: Some(Shape {
-                positions: character.rest_positions(),
-                parts: drawn_parts(&character),
-                materials,
-                character,
-            }),
+            shape: Some(Shape { positions, parts: drawn_parts(&character), materials, character }),
         };
         (loaded, warnings)
     }
@@ -106,6 +110,12 @@ impl LoadedCharacter {
         let skin = self.character().map(Character::skin).transpose();
         skin.map_err(|e| Failure::input(format!("{}: {e}", self.name), "bind the character again"))
     }
+
+    /// Its morph targets made ready for blending; `None` if there are none.
+    pub fn precompute_morphs(&self) -> Result<Option<Morphs>, Failure> {
+        let morphs = self.character().map_or(Ok(None), Character::morphs);
+        morphs.map_err(|e| Failure::input(format!("{}: {e}", self.name), "bind the character again"))
+    }
 }
 
 /// The parts of a character. Parts without a material get the default one, which comes last.
@@ -118,34 +128,82 @@ fn drawn_parts(character: &Character) -> Vec<MeshPart> {
     character.surface.parts.iter().map(part).collect()
 }
 
-/// What the parts are drawn with, and warnings about what is not drawn. An image that several materials share is
+/// What the parts are drawn with, and warnings about maps that are not drawn. An image that several materials share is
 /// decoded once.
 fn drawn_materials(character: &Character) -> (Vec<Material>, Vec<String>) {
-    let mut decoded: Vec<(*const Texture, Option<Arc<Picture>>)> = Vec::new();
-    let mut warnings = Vec::new();
-    let mut picture_of = |map: &Arc<Texture>| {
-        if let Some((_, picture)) = decoded.iter().find(|(known, _)| *known == Arc::as_ptr(map)) {
-            return picture.clone();
-        }
-        let picture = decode_picture(&map.bytes, LARGEST_TEXTURE_SIDE).map(Arc::new);
-        let picture = picture
-            .inspect_err(|reason| warnings.push(format!("the texture of {} is not drawn: {reason}", character.name)));
-        decoded.push((Arc::as_ptr(map), picture.as_ref().ok().cloned()));
-        picture.ok()
-    };
-    let mut material = |material: &armature_formats::model::Material| Material {
-        base_color: material.base_color.map(|[red, green, blue, _]| [red, green, blue].map(srgb)),
-        texture: material.base_color_map.as_ref().and_then(&mut picture_of),
-    };
-    let mut materials: Vec<Material> = character.materials.iter().map(&mut material).collect();
+    let mut images = Images { of: &character.name, decoded: Vec::new(), warnings: Vec::new() };
+    let is_clear = |color: &[f32; 4]| color[3] < 1.0;
+    let clear_vertices = character.surface.vertex_colors.as_ref().is_some_and(|colors| colors.iter().any(is_clear));
+    let mut materials: Vec<Material> =
+        character.materials.iter().map(|material| drawn_material(material, clear_vertices, &mut images)).collect();
     if character.surface.parts.iter().any(|part| part.material.is_none()) {
         materials.push(Material::default());
     }
-    (materials, warnings)
+    (materials, images.warnings)
 }
 
-/// Linear light to sRGB.
-fn srgb(linear: f32) -> f32 {
-    let linear = linear.clamp(0.0, 1.0);
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+fn drawn_material(material: &armature_formats::model::Material, clear_vertices: bool, images: &mut Images) -> Material {
+    let [base_color, metallic_roughness, normal, emissive] = material.maps();
+    let mut map = |kind, map| images.map(material, kind, map);
+    let base_color_map = map("base colour", base_color);
+    // Exporters call materials blended that are not; those would only be sorted for nothing.
+    let is_clear = clear_vertices
+        || material.base_color.is_some_and(|[.., opacity]| opacity < 1.0)
+        || base_color_map.as_ref().is_some_and(|map| map.picture.rgba.chunks_exact(4).any(|texel| texel[3] < 255));
+    Material {
+        base_color: material.base_color,
+        base_color_map,
+        metallic: material.metallic,
+        roughness: material.roughness,
+        metallic_roughness_map: map("metallic-roughness", metallic_roughness),
+        normal_map: map("normal", normal),
+        normal_scale: material.normal_scale,
+        emissive: material.emissive,
+        emissive_map: map("emissive", emissive),
+        alpha: match material.alpha {
+            AlphaMode::Mask { cutoff } => Alpha::Mask { cutoff },
+            AlphaMode::Blend if is_clear => Alpha::Blend,
+            AlphaMode::Opaque | AlphaMode::Blend => Alpha::Opaque,
+        },
+        double_sided: material.double_sided,
+        unlit: material.unlit,
+    }
+}
+
+/// Images by their addresses.
+struct Images<'c> {
+    /// The character's name.
+    of: &'c str,
+    decoded: Vec<(*const Texture, Option<Arc<Picture>>)>,
+    warnings: Vec<String>,
+}
+
+impl Images<'_> {
+    /// A map; without its image, the material's number or colour is drawn alone.
+    fn map(
+        &mut self,
+        material: &armature_formats::model::Material,
+        kind: &str,
+        map: Option<&Arc<Texture>>,
+    ) -> Option<Map> {
+        let texture = map?;
+        let wrap = texture.wrap.map(|wrap| match wrap {
+            armature_formats::model::Wrap::Repeat => Wrap::Repeat,
+            armature_formats::model::Wrap::Mirror => Wrap::Mirror,
+            armature_formats::model::Wrap::Clamp => Wrap::Clamp,
+        });
+        if let Some((_, picture)) = self.decoded.iter().find(|(known, _)| *known == Arc::as_ptr(texture)) {
+            return Some(Map { picture: picture.clone()?, wrap });
+        }
+        let picture = match decode_picture(&texture.bytes, LARGEST_TEXTURE_SIDE) {
+            Ok(picture) => Some(Arc::new(picture)),
+            Err(reason) => {
+                let named = if material.name.is_empty() { String::new() } else { format!(" of {:?}", material.name) };
+                self.warnings.push(format!("the {kind} map{named} of {} is not drawn: {reason}", self.of));
+                None
+            }
+        };
+        self.decoded.push((Arc::as_ptr(texture), picture.clone()));
+        Some(Map { picture: picture?, wrap })
+    }
 }

@@ -4,6 +4,7 @@ pub mod filled;
 pub mod ground;
 pub mod inverse_kinematics;
 mod loaded;
+pub mod shapes;
 pub mod volumes;
 
 use std::path::{Path, PathBuf};

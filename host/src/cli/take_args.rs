@@ -6,6 +6,7 @@ use armature_take::FrameRate;
 use clap::Args;
 
 use crate::characters::ground::GroundArgs;
+use crate::characters::shapes::ShapeArgs;
 use crate::files::Overwrite;
 
 /// `armature replay`
@@ -37,6 +38,9 @@ pub struct ReplayArgs {
     /// recorded with
     #[arg(short, long)]
     pub character: Option<String>,
+    /// Shapes of the character in the picture.
+    #[command(flatten)]
+    pub shapes: ShapeArgs,
 }
 
 /// `armature export`
@@ -84,6 +88,9 @@ pub struct ExportArgs {
     /// The character whose mesh is exported in a GLB or FBX; without it, the one the take was recorded with
     #[arg(short, long)]
     pub character: Option<String>,
+    /// Shapes of the character.
+    #[command(flatten)]
+    pub shapes: ShapeArgs,
 }
 
 fn positive(text: &str) -> Result<f64, String> {

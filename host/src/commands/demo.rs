@@ -197,7 +197,7 @@ fn write_picture(
     let middle = timeline.len() / 4..(timeline.len() * 3).div_ceil(4);
     let poses = middle.filter_map(|index| Some(take.unpack(timeline.get(index)?.1)));
     let pose = poses.max_by(|a, b| stride(character, a).total_cmp(&stride(character, b))).ok_or_else(no_pose)?;
-    let (positions, normals) = pictures::skin_once(character, &pose)?;
+    let (positions, normals) = pictures::skin_once(character, &pose, &[])?;
     let by = pictures::write_picture(outputs.overwrite, &outputs.picture, character, &positions, &normals)?;
     say(format!("picture    {}: {by}", outputs.picture.display()));
     Ok(())

@@ -75,6 +75,13 @@ fn options(args: &ExportArgs, target: Target) -> Result<Options, Failure> {
         let start = Timecode::parse(text, args.fps).map_err(|error| Failure::usage(error.to_string(), remedy))?;
         options.start = Some(start);
     }
+    options.shapes.clone_from(&args.shapes.shapes);
+    if target == Target::Bvh && !options.shapes.is_empty() {
+        return Err(Failure::usage(
+            "BVH has no mesh that could have a shape",
+            "export a .glb or .fbx, or leave out --shape",
+        ));
+    }
     if let Some(degrees) = args.reduce_keys {
         let why = match target {
             Target::Glb => None,

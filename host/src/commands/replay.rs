@@ -18,6 +18,8 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
     let take = takes::read_and_tell(&args.take)?;
     if let Some(at) = args.at {
         check_moment(&take, args, at)?;
+    } else if !args.shapes.shapes.is_empty() {
+        return Err(Failure::usage("--shape is for the picture", "add --at and --picture"));
     }
     if args.ground.ground.is_some() {
         return stand(args, &take, talk);
@@ -161,7 +163,7 @@ fn draw(take: &Take, args: &ReplayArgs, at: f64, path: &std::path::Path, talk: T
     let (_, packed) = timeline
         .get(timeline.at(at))
         .ok_or_else(|| Failure::input(format!("{} holds no pose", args.take.display()), "record it again"))?;
-    let (positions, normals) = pictures::skin_once(&character, &take.unpack(packed))?;
+    let (positions, normals) = pictures::skin_once(&character, &take.unpack(packed), &args.shapes.shapes)?;
     let by = pictures::write_picture(args.overwrite, path, &character, &positions, &normals)?;
     out!("{}: {by}", path.display());
     Ok(())

@@ -6,6 +6,7 @@ use armature_rig::{CalibrationStep, PartUid};
 use armature_take::Header;
 
 use crate::characters::OWN;
+use crate::characters::shapes::ShapeWeight;
 use crate::files::Overwrite;
 
 /// What the window or a subcommand asks of the engine.
@@ -34,6 +35,8 @@ pub enum Command {
     StopRecording,
     /// Make or read a character and show it.
     LoadCharacter(CharacterChoice),
+    /// Blend the character towards one of its shapes. Takes do not hold this.
+    SetShape(ShapeWeight),
     /// Cancel the work in progress: loading a character, or a calibration step.
     Cancel,
     /// Make one part blink, so that it can be found by hand.

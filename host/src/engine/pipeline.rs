@@ -13,6 +13,7 @@ use armature_take::Header;
 use super::bridge::{Bridge, hints_of_servos, take_events};
 use super::puppeteer::{Puppeteer, Step, unheard};
 use super::take_recorder::{RecordedTake, TakeRecorder};
+use crate::characters::shapes::ShapeWeight;
 use crate::failure::Failure;
 
 /// What an event led to.
@@ -180,6 +181,11 @@ impl<W: Write> Pipeline<W> {
     /// The next good sample becomes the rest pose.
     pub fn request_zero(&mut self) {
         self.puppeteer.request_zero();
+    }
+
+    /// Blends the character towards one of its shapes.
+    pub fn set_shape(&mut self, shape: &ShapeWeight) -> Result<(), Failure> {
+        self.puppeteer.set_shape(shape)
     }
 
     /// The character and its pose.

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use armature_character::Progress;
 use armature_character::inverse_kinematics::{BoneRole, InverseKinematics};
+use armature_deform::skin::{LinearBlendSkin, Morphs};
 use armature_rig::{
     BoneStatus, Calibration, Ground, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion, PuppetHints,
     RawSample, SensorCalibration, SensorState, SolveError, StreamSolver, ZeroReport,
@@ -18,6 +19,7 @@ use glam::{Affine3A, Quat};
 use crate::characters::LoadedCharacter;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
+use crate::characters::shapes::{ShapeWeight, set_shapes};
 use crate::failure::Failure;
 
 /// When the rest pose is taken. A part that is plugged in later and was never zeroed is zeroed by itself, unless the
@@ -72,7 +74,10 @@ pub enum Step {
 #[derive(Debug)]
 pub struct Puppeteer {
     character: Arc<LoadedCharacter>,
-    skin: Option<armature_deform::skin::LinearBlendSkin>,
+    skin: Option<LinearBlendSkin>,
+    /// Shapes that the skin is blended towards, and their weights.
+    morphs: Option<Morphs>,
+    morph_weights: Vec<f32>,
     chosen_mapping: Option<Mapping>,
     /// The last proposal and the puppet it was made for.
     proposed: Option<(JointTree, Mapping)>,
@@ -106,7 +111,7 @@ impl Puppeteer {
         calibration: Calibration,
         zero_policy: ZeroPolicy,
     ) -> Result<Self, Failure> {
-        let skin = character.precompute_skin()?;
+        let (skin, morphs) = (character.precompute_skin()?, character.precompute_morphs()?);
         let model_from_bone = character.skeleton.rest_model_from_bone();
         let (positions, normals) =
             character.shape.as_ref().map(|s| (s.positions.clone(), s.normals().to_vec())).unwrap_or_default();
@@ -116,6 +121,8 @@ impl Puppeteer {
             preferences: Vec::new(),
             solves_joints_alone: false,
             missed: 0.0,
+            morph_weights: morphs.as_ref().map(|morphs| morphs.weights().to_vec()).unwrap_or_default(),
+            morphs,
             character,
             skin,
             chosen_mapping: mapping,
@@ -356,11 +363,23 @@ impl Puppeteer {
             self.missed = self.missed.max(ik.worst_pin());
         }
         pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
-        if let Some(skin) = &mut self.skin {
-            let skinned = skin.solve(&self.model_from_bone, &mut self.positions, &mut self.normals);
-            skinned.map_err(|e| Failure::not_converged(e.to_string(), "zero the puppet again"))?;
-        }
+        self.pose_skin()?;
         Ok(Step::Posed { zeroed })
+    }
+
+    fn pose_skin(&mut self) -> Result<(), Failure> {
+        let Some(skin) = &mut self.skin else { return Ok(()) };
+        skin.solve(&self.model_from_bone, &mut self.positions, &mut self.normals)
+            .map_err(|e| Failure::not_converged(e.to_string(), "zero the puppet again"))
+    }
+
+    /// Blends the character towards one of its shapes, now and from now on.
+    pub fn set_shape(&mut self, shape: &ShapeWeight) -> Result<(), Failure> {
+        set_shapes(&self.character, &mut self.morph_weights, std::slice::from_ref(shape))?;
+        let (Some(morphs), Some(skin)) = (&mut self.morphs, &mut self.skin) else { return Ok(()) };
+        let blended = morphs.solve(&self.morph_weights).and_then(|_| skin.set_rest(morphs));
+        blended.map_err(|e| Failure::input(e.to_string(), "choose a weight between 0 and 1"))?;
+        self.pose_skin()
     }
 
     fn zero_if_wanted(&mut self, sample: &RawSample) -> Result<Option<ZeroReport>, Failure> {

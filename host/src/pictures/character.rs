@@ -7,6 +7,7 @@ use armature_rig::Pose;
 use glam::Affine3A;
 
 use super::scene::{DrawnBy, View, draw_mesh};
+use crate::characters::shapes::{ShapeWeight, weights_with};
 use crate::characters::{LoadedCharacter, Shape};
 use crate::failure::Failure;
 use crate::files::Overwrite;
@@ -32,11 +33,16 @@ pub fn write_picture(
 /// Positions and unit normals, n×3 each.
 pub type Skinned = (Vec<[f32; 3]>, Vec<[f32; 3]>);
 
-/// Skins a character in one pose.
-pub fn skin_once(character: &LoadedCharacter, pose: &Pose) -> Result<Skinned, Failure> {
+/// Skins a character in one pose, blended towards these shapes.
+pub fn skin_once(character: &LoadedCharacter, pose: &Pose, shapes: &[ShapeWeight]) -> Result<Skinned, Failure> {
+    let weights = weights_with(character, shapes)?;
     let (Some(shape), Some(mut skin)) = (&character.shape, character.precompute_skin()?) else {
         return Ok(Skinned::default());
     };
+    if let Some(mut morphs) = character.precompute_morphs()? {
+        let blended = morphs.solve(&weights).and_then(|_| skin.set_rest(&morphs));
+        blended.map_err(|e| Failure::input(e.to_string(), "choose weights between 0 and 1"))?;
+    }
     let mut model_from_bone = vec![Affine3A::IDENTITY; character.skeleton.len()];
     pose.forward_kinematics(&character.skeleton, &mut model_from_bone);
     let (mut positions, mut normals) = (shape.positions.clone(), shape.normals().to_vec());
@@ -59,6 +65,7 @@ pub fn draw(
         uv: shape.texture_coordinates(),
         parts: &shape.parts,
         materials: &shape.materials,
+        colors: shape.vertex_colors(),
         ..MeshView::default()
     };
     draw_mesh(&mesh, view)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use armature_geometry::surface::{NormalWeighting, vertex_normals};
 use armature_geometry::{MeshError, TriangleMesh};
-use armature_render::{Material, MeshView, Picture, RenderError};
+use armature_render::{Map, Material, MeshView, Picture, RenderError, linear_from_srgb};
 use tiny_skia::{FillRule, PathBuilder, Pixmap, PixmapMut, PremultipliedColorU8, Rect, Transform};
 
 use super::ink::{mix, paint};
@@ -41,7 +41,7 @@ pub enum Shown<'a> {
         /// The values at the ends of the scale.
         range: [f64; 2],
     },
-    /// A colour for each vertex, 0 to 1.
+    /// A colour for each vertex, sRGB 0 to 1.
     Colors(&'a [[f32; 3]]),
 }
 
@@ -142,12 +142,14 @@ fn draw_function(picture: &FunctionPicture, size: [u32; 2], path: &Path) -> Resu
             let share = |value: f64| if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };
             let along = |value: &f64| ((0.5 + share(*value) * (last - 1.0)) / last) as f32;
             let uv: Vec<[f32; 2]> = values.iter().map(|value| [along(value), 0.5]).collect();
-            let texture = Some(Arc::new(Picture { width: TEXELS, height: 1, rgba: scale() }));
-            let materials = [Material { texture, ..Material::default() }];
+            let scale = Arc::new(Picture { width: TEXELS, height: 1, rgba: scale() });
+            let materials = [Material { base_color_map: Some(Map::repeating(scale)), ..Material::default() }];
             draw_mesh(&MeshView { uv: Some(&uv), materials: &materials, ..view }, &from)
         }
         Shown::Colors(colors) => {
-            draw_mesh(&MeshView { colors: Some(colors), materials: &[Material::of_color([1.0; 3])], ..view }, &from)
+            let linear = |color: &[f32; 3]| color.map(linear_from_srgb);
+            let colors: Vec<[f32; 4]> = colors.iter().map(linear).map(|[r, g, b]| [r, g, b, 1.0]).collect();
+            draw_mesh(&MeshView { colors: Some(&colors), materials: &[Material::of_color([1.0; 3])], ..view }, &from)
         }
     }
     .map_err(failed)?;

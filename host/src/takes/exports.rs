@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::ControlFlow;
 
+use armature_character::Character;
 use armature_formats::fbx::FbxNotes;
 use armature_formats::gltf::GlbMesh;
 use armature_formats::motion::{KeyInterpolation, annotate_clips};
@@ -13,6 +14,7 @@ use armature_take::{
 use serde_json::{Map, Value, json};
 
 use crate::characters::LoadedCharacter;
+use crate::characters::shapes::{ShapeWeight, reshaped};
 use crate::failure::Failure;
 use crate::terminal::counted;
 
@@ -45,7 +47,7 @@ impl Target {
 }
 
 /// What to export, and under which name for the first frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Poses, rate, range and keys.
     pub settings: ExportSettings,
@@ -53,6 +55,8 @@ pub struct Options {
     pub rate: FrameRate,
     /// Timecode of the first frame, if it has one.
     pub start: Option<Timecode>,
+    /// Shapes of the character.
+    pub shapes: Vec<ShapeWeight>,
 }
 
 impl Options {
@@ -60,7 +64,7 @@ impl Options {
     pub fn at(rate: FrameRate) -> Self {
         let mut settings = ExportSettings::default();
         settings.resample.frames_per_second = rate.frames_per_second();
-        Self { settings, rate, start: None }
+        Self { settings, rate, start: None, shapes: Vec::new() }
     }
 }
 
@@ -137,7 +141,8 @@ pub fn export(
         None => take_motion(take, settings, progress),
     };
     let motion = motion.map_err(|e| failure(&e))?;
-    let surface = character.and_then(surface_of);
+    let reshaped = character.map(|character| reshaped(character, &options.shapes)).transpose()?.flatten();
+    let surface = reshaped.as_ref().or_else(|| character?.character()).map(surface_of);
     let name = &take.header().character_name;
     let mut left_out = Vec::new();
     let (bytes, taken, keys) = match target {
@@ -193,9 +198,9 @@ fn is_spline(settings: &ExportSettings) -> bool {
     settings.keys.is_some_and(|keys| keys.interpolation == KeyInterpolation::Cubic)
 }
 
-/// The character's mesh and how it follows the bones; none for a bare skeleton.
-fn surface_of(character: &LoadedCharacter) -> Option<Surface<'_>> {
-    character.character().map(|c| Surface {
+/// The character's mesh and how it follows the bones.
+fn surface_of(c: &Character) -> Surface<'_> {
+    Surface {
         skeleton: &c.skeleton,
         mesh: GlbMesh {
             mesh: &c.surface.mesh,
@@ -209,7 +214,7 @@ fn surface_of(character: &LoadedCharacter) -> Option<Surface<'_>> {
             skins: &c.skins,
             materials: &c.materials,
         },
-    })
+    }
 }
 
 /// What a file says of its first frame.

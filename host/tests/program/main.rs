@@ -14,6 +14,7 @@ mod exports;
 mod functions_command;
 mod guide;
 mod outputs;
+mod shapes;
 mod surface_command;
 mod takes;
 mod volume_command;

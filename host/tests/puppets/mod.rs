@@ -65,6 +65,7 @@ pub(crate) fn character() -> LoadedCharacter {
         }),
         materials: vec![Material { base_color: Some([0.78, 0.72, 0.66, 1.0]), ..Material::default() }],
         skins: Vec::new(),
+        avatar: None,
         skeleton: Skeleton::new(bones).expect("parents come first"),
         provenance: Provenance::Artist,
         warnings: Vec::new(),

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use armature_deform::skin::bones::BoneBinding;
-use armature_deform::skin::{LinearBlendSkin, SkinError};
-use armature_formats::model::{Material, MeshPart, MorphTarget, PartError, Skin, check_parts};
+use armature_deform::skin::bones::{BoneBinding, unit_normal};
+use armature_deform::skin::{LinearBlendSkin, MorphOffsets, Morphs, SkinError};
+use armature_formats::model::{Avatar, Material, MeshPart, MorphTarget, PartError, Skin, check_parts};
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::Skeleton;
 use glam::Affine3A;
@@ -24,6 +24,8 @@ pub struct Character {
     pub skeleton: Skeleton,
     /// Poses, other than the skeleton's rest pose, in which parts were bound.
     pub skins: Vec<Skin>,
+    /// What a VRM avatar says of itself.
+    pub avatar: Option<Avatar>,
     /// How the weights were made.
     pub provenance: Provenance,
     /// What went wrong along the way, in sentences for the user.
@@ -149,6 +151,17 @@ impl Character {
         self.surface.mesh.vertices.iter().map(|p| p.map(|c| c as f32)).collect()
     }
 
+    /// Where the skeleton's rest pose puts the vertices, n×3: the rest positions, except of parts that were bound in
+    /// another pose.
+    pub fn positions_in_rest_pose(&self) -> Result<Vec<[f32; 3]>, SkinError> {
+        let mut positions = self.rest_positions();
+        if self.surface.parts.iter().any(|part| part.skin.is_some()) {
+            let mut normals = self.surface.normals.clone();
+            self.skin()?.solve(&self.skeleton.rest_model_from_bone(), &mut positions, &mut normals)?;
+        }
+        Ok(positions)
+    }
+
     /// Checks that parts, materials, skins and morph targets fit together.
     pub fn check_parts(&self) -> Result<(), PartError> {
         let Surface { mesh, parts, morph_targets, .. } = &*self.surface;
@@ -166,6 +179,86 @@ impl Character {
         let bindings = self.bindings(&rest)?;
         let influences = self.influences_of_bindings(rest.len(), bindings.len())?;
         LinearBlendSkin::precompute_bound(&positions, normals, &influences, &bindings, rest.len())
+    }
+
+    /// Its morph targets, prepared for blending before the skin is posed; `None` if there are none.
+    pub fn morphs(&self) -> Result<Option<Morphs>, SkinError> {
+        let Surface { normals, parts, morph_targets, .. } = &*self.surface;
+        if morph_targets.is_empty() {
+            return Ok(None);
+        }
+        let first = |part: u32| parts.get(part as usize).map_or(usize::MAX, |part| part.vertices.start as usize);
+        let offsets = morph_targets.iter().map(|target| MorphOffsets {
+            first_vertex: first(target.part),
+            positions: &target.positions,
+            normals: &target.normals,
+            rest_weight: target.default_weight,
+        });
+        let offsets: Vec<MorphOffsets> = offsets.collect();
+        Morphs::precompute(&self.rest_positions(), normals, &offsets).map(Some)
+    }
+
+    /// What can be set of its shape: its expressions and the names of its morph targets, each once.
+    pub fn shape_names(&self) -> Vec<&str> {
+        let expressions = self.avatar.iter().flat_map(|avatar| &avatar.expressions);
+        let expressions = expressions.filter(|expression| !expression.targets.is_empty());
+        let mut names: Vec<&str> = Vec::new();
+        let targets = self.surface.morph_targets.iter().map(|target| target.name.as_str());
+        for name in expressions.map(|expression| expression.name.as_str()).chain(targets) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    /// The weights of its morph targets as the file has them.
+    pub fn default_weights(&self) -> Vec<f32> {
+        self.surface.morph_targets.iter().map(|target| target.default_weight).collect()
+    }
+
+    /// Sets the weights of an expression's morph targets, or of all morph targets with a name. Returns whether there are
+    /// any. `weights`: one per target.
+    pub fn set_shape(&self, weights: &mut [f32], name: &str, weight: f32) -> bool {
+        let expressions = self.avatar.iter().flat_map(|avatar| &avatar.expressions);
+        let mut is_known = false;
+        for &(target, full) in expressions.filter(|expression| expression.name == name).flat_map(|e| &e.targets) {
+            if let Some(own) = weights.get_mut(target as usize) {
+                *own = full * weight;
+                is_known = true;
+            }
+        }
+        if is_known {
+            return true;
+        }
+        let targets = self.surface.morph_targets.iter().zip(weights).filter(|(target, _)| target.name == name);
+        targets.map(|(_, own)| *own = weight).count() > 0
+    }
+
+    /// The same character with other weights of its morph targets (one per target) as default, and its rest shape
+    /// blended by them.
+    #[must_use]
+    pub fn reshaped(&self, weights: &[f32]) -> Self {
+        let mut reshaped = self.clone();
+        let Surface { mesh, normals, parts, morph_targets, .. } = Arc::make_mut(&mut reshaped.surface);
+        let mut turned = vec![false; normals.len()];
+        for (target, &weight) in morph_targets.iter_mut().zip(weights) {
+            let more = weight - target.default_weight;
+            target.default_weight = weight;
+            let Some(part) = parts.get(target.part as usize).filter(|_| more != 0.0) else { continue };
+            let first = part.vertices.start as usize;
+            for (vertex, offset) in mesh.vertices[first..].iter_mut().zip(&target.positions) {
+                *vertex = std::array::from_fn(|k| vertex[k] + f64::from(more) * f64::from(offset[k]));
+            }
+            for (k, offset) in target.normals.iter().enumerate() {
+                normals[first + k] = std::array::from_fn(|c| normals[first + k][c] + more * offset[c]);
+                turned[first + k] = true;
+            }
+        }
+        for (normal, _) in normals.iter_mut().zip(turned).filter(|(_, turned)| *turned) {
+            *normal = unit_normal(*normal);
+        }
+        reshaped
     }
 
     /// The bones in their rest pose, then those of each skin.

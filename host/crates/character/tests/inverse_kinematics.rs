@@ -5,11 +5,12 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::ops::ControlFlow;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use armature_character::Character;
 use armature_character::inverse_kinematics::{BoneRole, Comfort, IkError, InverseKinematics, PinnedBone};
 use armature_character::own::human;
+use armature_formats::model::Skin;
 use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, Skeleton};
 use glam::{Affine3A, Quat, Vec3};
 
@@ -96,6 +97,37 @@ fn who_does_what_in_a_human_of_eight_joints() {
     let rest = frames(&HUMAN.skeleton, &HUMAN.skeleton.rest_pose());
     for (is, was) in frames(&HUMAN.skeleton, &pose).iter().zip(rest) {
         assert!(is.abs_diff_eq(was, 2e-3), "at rest nothing may move: {is} {was}");
+    }
+}
+
+/// Lying down at twice its size when it was bound: it moves as the one that was bound in its rest pose.
+#[test]
+fn a_part_that_was_bound_in_another_pose_is_solved_in_its_rest_pose() {
+    let lying = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+    let bound = Affine3A::from_scale_rotation_translation(Vec3::splat(2.0), lying, Vec3::new(3.0, 0.5, 1.0));
+    let mut elsewhere = HUMAN.clone();
+    let surface = Arc::make_mut(&mut elsewhere.surface);
+    for vertex in &mut surface.mesh.vertices {
+        *vertex = bound.transform_point3(Vec3::from(vertex.map(|c| c as f32))).as_dvec3().to_array();
+    }
+    surface.normals.iter_mut().for_each(|normal| *normal = (lying * Vec3::from(*normal)).to_array());
+    surface.parts[0].skin = Some(0);
+    let frames_then = HUMAN.skeleton.rest_model_from_bone().into_iter().map(|frame| bound * frame).collect();
+    elsewhere.skins = vec![Skin { name: "lying".into(), bound_model_from_bone: frames_then }];
+    elsewhere.check_parts().unwrap();
+    let near = |a: [f32; 3], b: [f32; 3]| Vec3::from(a).distance(Vec3::from(b)) < 1e-4;
+    let rest = elsewhere.positions_in_rest_pose().unwrap();
+    assert!(rest.iter().zip(HUMAN.rest_positions()).all(|(a, b)| near(*a, b)), "at rest it stands");
+
+    let solved = |character: &Character| {
+        let mut ik = InverseKinematics::new(character, &pins(&["LeftFoot", "RightFoot"])).unwrap();
+        let mut pose = puppet_pose(&HUMAN.skeleton, 0.4);
+        ik.complete(&status(&HUMAN.skeleton), &mut pose);
+        pose
+    };
+    let (expected, got) = (solved(&HUMAN), solved(&elsewhere));
+    for (a, b) in expected.parent_from_bone.iter().zip(&got.parent_from_bone) {
+        assert!(a.rotation.angle_between(b.rotation) < 5e-3, "{a:?} {b:?}");
     }
 }
 

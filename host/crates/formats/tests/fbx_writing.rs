@@ -113,7 +113,7 @@ fn character(noise: &mut Noise, skeleton: &Skeleton) -> (Model, Influences, Vec<
         positions: mesh_vertex[own.clone()].iter().map(|&v| offsets[v as usize]).collect(),
         normals: own.map(|_| [0.0, 0.1, 0.0]).collect(),
     };
-    let pixel = Arc::new(Texture { mime: "image/png".to_owned(), bytes: PIXEL.to_vec() });
+    let pixel = Arc::new(Texture { mime: "image/png".to_owned(), bytes: PIXEL.to_vec(), ..Texture::default() });
     let material = |name: &str, blue: f32| Material {
         name: name.to_owned(),
         base_color: Some([0.25, 0.5, blue, 1.0]),

@@ -89,7 +89,11 @@ fn surface(noise: &mut Noise, skeleton: &Skeleton, per_vertex: usize) -> (Model,
         materials: vec![Material {
             name: "skin".into(),
             base_color: Some([0.25, 0.5, 0.75, 1.0]),
-            base_color_map: Some(Arc::new(Texture { mime: "image/png".to_owned(), bytes: PIXEL.to_vec() })),
+            base_color_map: Some(Arc::new(Texture {
+                mime: "image/png".to_owned(),
+                bytes: PIXEL.to_vec(),
+                ..Texture::default()
+            })),
             ..Material::default()
         }],
         ..Model::default()

@@ -64,7 +64,11 @@ fn glb() -> Vec<u8> {
     let frames = vec![skeleton.rest_pose(), pose];
     let motion = Motion::new(skeleton.clone(), 0.1, frames).unwrap();
     let mut model = read_model("a.obj", OBJ.as_bytes(), &none).unwrap();
-    let pixel = armature_formats::model::Texture { mime: "image/png".into(), bytes: b"\x89PNG\r\n\x1a\n".to_vec() };
+    let pixel = armature_formats::model::Texture {
+        mime: "image/png".into(),
+        bytes: b"\x89PNG\r\n\x1a\n".to_vec(),
+        wrap: Default::default(),
+    };
     model.first_material().base_color_map = Some(std::sync::Arc::new(pixel));
     let influences = armature_geometry::Influences::new(1, vec![0, 1, 1, 0], vec![1.0; 4], 2).unwrap();
     let mesh = GlbMesh { influences: Some(&influences), ..GlbMesh::of_model(&model) };

@@ -22,12 +22,12 @@
 //! | a picture without a window | [`render_to_image_cpu`], [`render_to_image_gpu`], [`encode_png`] |
 //! | frames in a window | [`Renderer::prepare`], [`Renderer::paint`] |
 //! | many poses at once | [`GpuSkin::precompute`], [`GpuSkin::solve`], [`GpuSkin::read`] |
-//! | what is seen | [`Scene`], [`MeshView`], [`MeshPart`], [`Material`], [`BoneMark`], [`Ground`], [`Look`], [`Camera`] |
+//! | what is seen | [`Scene`], [`MeshView`], [`MeshPart`], [`Material`], [`Map`], [`BoneMark`], [`Ground`], [`Look`], [`Camera`] |
 //!
 //! | shader | twin | what |
 //! |---|---|---|
 //! | `shader/background.wgsl` | `src/cpu/background.rs` | backdrop, floor, grid, contact shadow |
-//! | `shader/mesh.wgsl` | `src/cpu/mesh.rs` | the character: hemispheric ambient, key, fill and rim light |
+//! | `shader/mesh.wgsl` | `src/cpu/mesh.rs` | the character: metallic-roughness materials under hemispheric ambient, key, fill and rim light |
 //! | `shader/overlay.wgsl` | `src/cpu/overlay.rs` | bones seen through the skin |
 //! | `shader/present.wgsl` | `src/cpu/present.rs` | linear light → 8-bit sRGB, shoulder and dither |
 //! | `shader/linear_blend_skinning.wgsl` | `armature_deform::skin::LinearBlendSkin` | many poses at once |
@@ -36,7 +36,8 @@
 //!
 //! Both sides read the same [`uniforms`](crate::Scene) and the same contact shadow, and tests compare their pictures.
 //! The feature `gpu`, on by default, contains what needs wgpu; without it there are only the twins.
-//! World space is right-handed with +Y up; colours in the API are sRGB 0 to 1, all arithmetic is in linear light.
+//! World space is right-handed with +Y up. Colours of the stage and the bones are sRGB 0 to 1; materials and colours of
+//! vertices are linear, as in glTF, and all arithmetic is in linear light.
 
 mod bone_shape;
 mod camera;
@@ -45,6 +46,7 @@ mod cpu;
 mod error;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod material;
 mod picture;
 mod scene;
 mod srgb;
@@ -58,5 +60,7 @@ pub use gpu::{
     Gpu, GpuSkin, Renderer, RestShape, SkinMethod, SkinPoses, SkinnedPoses, adapter_label, preferred_samples,
     render_to_image_gpu,
 };
+pub use material::{Alpha, Map, Material, Wrap};
 pub use picture::{DecodeError, Picture, decode_picture, encode_png};
-pub use scene::{BoneMark, Ground, Look, Material, MeshPart, MeshView, Samples, Scene};
+pub use scene::{BoneMark, Ground, Look, MeshPart, MeshView, Samples, Scene};
+pub use srgb::linear_from_srgb;

@@ -1,12 +1,11 @@
 //! What is drawn, borrowed.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::srgb::linear_from_srgb;
-use crate::{Bounds, Picture, RenderError};
+use crate::material::MaterialUniforms;
+use crate::{Alpha, Bounds, Camera, Material, RenderError};
 
 /// A character, its bones, and where it stands.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,15 +29,15 @@ pub struct MeshView<'a> {
     pub normals: &'a [[f32; 3]],
     /// m zero-based vertex triples.
     pub triangles: &'a [[u32; 3]],
-    /// n texture coordinates, origin at the upper left; without them textures are not drawn.
+    /// n texture coordinates, origin at the upper left; without them maps are not drawn.
     pub uv: Option<&'a [[f32; 2]]>,
     /// Which triangles are drawn with which material; empty: all of them with the first. Where parts overlap, the first
     /// one counts; triangles in no part are not drawn.
     pub parts: &'a [MeshPart],
     /// The materials of the parts; empty: one without colour or texture.
     pub materials: &'a [Material],
-    /// n colours, sRGB 0 to 1, in linear light between vertices; they multiply texture and base colour.
-    pub colors: Option<&'a [[f32; 3]]>,
+    /// n times red, green, blue (linear light) and opacity, 0 to 1; they multiply the base colour and its map.
+    pub colors: Option<&'a [[f32; 4]]>,
     /// n values 0 to 1: how much of [`Look::highlight`] a vertex shows.
     pub highlight: Option<&'a [f32]>,
     /// Must change whenever triangles, parts, colours, texture coordinates or textures change: a [`crate::Renderer`]
@@ -53,15 +52,6 @@ pub struct MeshPart {
     pub triangles: Range<u32>,
     /// Zero-based material.
     pub material: u32,
-}
-
-/// The material of a part.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Material {
-    /// sRGB, 0 to 1; multiplies the texture. `None`: [`Look::clay`] (white if there is a texture).
-    pub base_color: Option<[f32; 3]>,
-    /// Base colour texture.
-    pub texture: Option<Arc<Picture>>,
 }
 
 /// One bone of the overlay.
@@ -152,13 +142,6 @@ impl Samples {
     }
 }
 
-impl Material {
-    /// A colour (sRGB, 0 to 1) without a texture.
-    pub fn of_color(base_color: [f32; 3]) -> Self {
-        Self { base_color: Some(base_color), texture: None }
-    }
-}
-
 impl Scene<'_> {
     /// Checks lengths, indices and the texture; positions may be anything (those that are not finite are not drawn).
     pub fn validate(&self, texture_limit: u32) -> Result<(), RenderError> {
@@ -198,46 +181,59 @@ impl MeshView<'_> {
                 return Err(RenderError::PartOutOfRange { part, triangles: self.triangles.len(), materials });
             }
         }
-        self.materials.iter().filter_map(|material| material.texture.as_deref()).try_for_each(|texture| {
-            let expected = (u64::from(texture.width) * u64::from(texture.height)).saturating_mul(4);
-            let fits = texture.width.max(texture.height) <= texture_limit;
-            if expected != 0 && expected == texture.rgba.len() as u64 && fits {
-                return Ok(());
-            }
-            let (width, height, got) = (texture.width, texture.height, texture.rgba.len());
-            Err(RenderError::BadTexture { width, height, expected, got, limit: texture_limit })
-        })
+        self.materials.iter().try_for_each(|material| material.validate(texture_limit))
     }
 
-    /// Triangles and material of each part, in drawing order.
-    pub(crate) fn drawn_parts(&self) -> Vec<(Range<u32>, usize)> {
+    /// The material of each triangle, or [`NO_MATERIAL`]. Where parts overlap, the first one counts.
+    pub(crate) fn material_of_triangles(&self) -> Vec<u32> {
         if self.parts.is_empty() {
-            return vec![(0..self.triangles.len() as u32, 0)];
+            return vec![0; self.triangles.len()];
         }
-        self.parts.iter().map(|part| (part.triangles.clone(), part.material as usize)).collect()
+        let mut material_of = vec![NO_MATERIAL; self.triangles.len()];
+        for MeshPart { triangles, material } in self.parts {
+            let own = &mut material_of[triangles.start as usize..triangles.end as usize];
+            own.iter_mut().filter(|number| **number == NO_MATERIAL).for_each(|number| *number = *material);
+        }
+        material_of
     }
 
     /// The materials that parts refer to: at least one.
     pub(crate) fn drawn_materials(&self) -> &[Material] {
-        const PLAIN: &[Material] = &[Material { base_color: None, texture: None }];
+        const PLAIN: &[Material] = &[Material::CLAY];
         if self.materials.is_empty() { PLAIN } else { self.materials }
     }
 
-    /// A material's texture, if it is drawn.
-    pub(crate) fn texture_of<'m>(&self, material: &'m Material) -> Option<&'m Arc<Picture>> {
-        material.texture.as_ref().filter(|_| self.uv.is_some())
+    /// Whether triangles with this material are blended over what lies behind.
+    pub(crate) fn is_blended(&self, material: u32) -> bool {
+        self.drawn_materials().get(material as usize).is_some_and(|material| material.alpha == Alpha::Blend)
     }
 
-    /// A material's colour (linear light).
-    pub(crate) fn color_of(&self, material: &Material, look: &Look) -> Vec3 {
-        let plain = if self.texture_of(material).is_some() { [1.0; 3] } else { look.clay };
-        material.base_color.unwrap_or(plain).map(linear_from_srgb).into()
+    /// What shaders read of each material.
+    pub(crate) fn material_uniforms(&self, look: &Look) -> impl Iterator<Item = MaterialUniforms> {
+        let (look, has_maps) = (*look, self.uv.is_some());
+        self.drawn_materials().iter().map(move |material| MaterialUniforms::new(material, &look, has_maps))
+    }
+
+    /// Sorts triangles, given with their distances, for blending: the farthest first.
+    pub(crate) fn sort_farthest_first(&self, camera: &Camera, triangles: &mut [(f32, u32)]) {
+        let (eye, (_, _, forward)) = (camera.eye(), camera.basis());
+        for (distance, triangle) in &mut *triangles {
+            let corners = self.triangles[*triangle as usize].map(|corner| Vec3::from(self.positions[corner as usize]));
+            *distance = ((corners[0] + corners[1] + corners[2]) / 3.0 - eye).dot(forward);
+        }
+        triangles.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     }
 }
 
+/// A triangle that belongs to no part, and is not drawn.
+pub(crate) const NO_MATERIAL: u32 = u32::MAX;
+
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::{Map, Picture};
 
     #[test]
     fn nonsense_is_named() {
@@ -253,7 +249,8 @@ mod tests {
         let short = MeshView { normals: &positions[..2], ..mesh };
         assert!(matches!(check(short), Err(RenderError::LengthMismatch { got: 2, .. })));
         let huge = Picture { width: u32::MAX, height: u32::MAX, rgba: Vec::new() };
-        let materials = [Material::default(), Material { texture: Some(Arc::new(huge)), ..Material::default() }];
+        let huge = Some(Map::repeating(Arc::new(huge)));
+        let materials = [Material::default(), Material { normal_map: huge, ..Material::default() }];
         let painted = MeshView { materials: &materials, ..mesh };
         assert!(matches!(check(painted), Err(RenderError::BadTexture { .. })));
         let part = |triangles, material| [MeshPart { triangles, material }];

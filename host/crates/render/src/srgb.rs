@@ -1,6 +1,6 @@
 //! The sRGB curve.
 
 /// sRGB to linear light, both 0 to 1.
-pub(crate) fn linear_from_srgb(value: f32) -> f32 {
+pub fn linear_from_srgb(value: f32) -> f32 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }

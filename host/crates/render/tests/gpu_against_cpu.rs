@@ -7,8 +7,8 @@ mod shapes;
 use std::sync::Arc;
 
 use armature_render::{
-    BoneMark, Bounds, Camera, Gpu, Ground, Material, MeshPart, MeshView, Picture, RenderError, Samples, Scene,
-    render_to_image_cpu, render_to_image_gpu,
+    Alpha, BoneMark, Bounds, Camera, Gpu, Ground, Map, Material, MeshPart, MeshView, Picture, RenderError, Samples,
+    Scene, Wrap, render_to_image_cpu, render_to_image_gpu,
 };
 use glam::Vec3;
 
@@ -62,6 +62,12 @@ fn mesh_of(shape: &shapes::Shape) -> MeshView<'_> {
     }
 }
 
+/// An image of 64×32 pixels; smooth, because some adapters filter between texels with fewer bits.
+fn map(texel: impl Fn(u8, u8) -> [u8; 4]) -> Map {
+    let rgba = (0..32).flat_map(|y| (0..64).map(move |x| [x, y])).flat_map(|[x, y]| texel(x, y)).collect();
+    Map::repeating(Arc::new(Picture { width: 64, height: 32, rgba }))
+}
+
 fn standing(shape: &shapes::Shape) -> (Ground, Camera) {
     let bounds = Bounds::of(&shape.positions).expect("vertices");
     (Ground::under(&bounds), Camera::fit(&bounds, SIZE[0] as f32 / SIZE[1] as f32))
@@ -99,10 +105,9 @@ fn bones_through_the_skin() {
 fn texture_and_highlight() {
     let (shape, _) = shapes::figure();
     let (ground, camera) = standing(&shape);
-    // Smooth, because some adapters filter between texels with fewer bits.
-    let rgba: Vec<u8> = (0..64_u32 * 32).flat_map(|i| [(i % 64 * 4) as u8, (i / 64 * 8) as u8, 120, 255]).collect();
     let highlight: Vec<f32> = shape.positions.iter().map(|p| (p[1] - 0.8).clamp(0.0, 1.0)).collect();
-    let materials = [Material { texture: Some(Arc::new(Picture { width: 64, height: 32, rgba })), base_color: None }];
+    let base_color_map = Some(map(|x, y| [x * 4, y * 8, 120, 255]));
+    let materials = [Material { base_color_map, ..Material::default() }];
     let mesh = MeshView { uv: Some(&shape.uv), materials: &materials, highlight: Some(&highlight), ..mesh_of(&shape) };
     compare("texture", &Scene { mesh, ground, ..Scene::default() }, &camera);
 }
@@ -111,12 +116,11 @@ fn texture_and_highlight() {
 fn parts_with_materials_of_their_own() {
     let (shape, _) = shapes::figure();
     let (ground, camera) = standing(&shape);
-    let rgba = (0..64_u32 * 32).flat_map(|i| [(i % 64 * 4) as u8, (i / 64 * 8) as u8, 120, 255]).collect();
-    let texture = Some(Arc::new(Picture { width: 64, height: 32, rgba }));
+    let base_color_map = Some(map(|x, y| [x * 4, y * 8, 120, 255]));
     let materials = [
-        Material { base_color: Some([0.9, 0.2, 0.1]), texture: None },
-        Material { base_color: None, texture: texture.clone() },
-        Material { base_color: Some([0.3, 0.9, 0.4]), texture },
+        Material::of_color([0.9, 0.2, 0.1]),
+        Material { base_color_map: base_color_map.clone(), ..Material::default() },
+        Material { base_color_map, ..Material::of_color([0.3, 0.9, 0.4]) },
     ];
     let count = shape.triangles.len() as u32;
     let part = |first, end, material| MeshPart { triangles: first..end, material };
@@ -148,13 +152,147 @@ fn parts_with_materials_of_their_own() {
 fn colours_of_vertices() {
     let (shape, _) = shapes::figure();
     let (ground, camera) = standing(&shape);
-    let colors: Vec<[f32; 3]> =
-        shape.positions.iter().map(|p| [p[1].clamp(0.0, 1.0), 0.5 - 0.5 * p[0].clamp(-1.0, 1.0), 0.2]).collect();
+    let colors: Vec<[f32; 4]> =
+        shape.positions.iter().map(|p| [p[1].clamp(0.0, 1.0), 0.5 - 0.5 * p[0].clamp(-1.0, 1.0), 0.2, 1.0]).collect();
     let scene = Scene { mesh: MeshView { colors: Some(&colors), ..mesh_of(&shape) }, ground, ..Scene::default() };
     compare("colours", &scene, &camera);
     let plain = Scene { mesh: mesh_of(&shape), ..scene };
     let draw = |scene| render_to_image_cpu(scene, &camera, SIZE, Samples::One).unwrap();
     assert!(difference(&draw(&scene), &draw(&plain)).visible > 0.02, "colours must be visible");
+}
+
+/// A wave of normals: x and y as the slope of the surface.
+fn bumps(x: u8, y: u8) -> [u8; 4] {
+    let slope = |at: u8, period: f32| 127.5 + 50.0 * (std::f32::consts::TAU * f32::from(at) / period).sin();
+    [slope(x, 32.0) as u8, slope(y, 16.0) as u8, 220, 255]
+}
+
+#[test]
+fn metals_bumps_and_lamps() {
+    let (shape, _) = shapes::figure();
+    let (ground, camera) = standing(&shape);
+    let draw = |material: &Material| {
+        let materials = std::slice::from_ref(material);
+        let mesh = MeshView { uv: Some(&shape.uv), materials, ..mesh_of(&shape) };
+        let scene = Scene { mesh, ground, ..Scene::default() };
+        compare("material", &scene, &camera);
+        render_to_image_cpu(&scene, &camera, SIZE, Samples::One).unwrap()
+    };
+    let gold = Material { metallic: 1.0, roughness: 0.3, ..Material::of_color([1.0, 0.8, 0.35]) };
+    let plain = draw(&Material { metallic: 0.0, ..gold.clone() });
+    let changed = |what: &str, material: Material| {
+        let picture = draw(&material);
+        assert!(difference(&picture, &plain).visible > 0.02, "{what} must be visible");
+        picture
+    };
+    changed("metal", gold.clone());
+    changed("mirror", Material { roughness: 0.0, ..gold.clone() });
+    let metallic_roughness_map = Some(map(|x, y| [0, 40 + y * 6, x * 4, 255]));
+    changed("metal in places", Material { roughness: 1.0, metallic_roughness_map, ..gold.clone() });
+    let bumpy = Material { normal_map: Some(map(bumps)), ..gold.clone() };
+    let bumpy = Material { metallic: 0.0, ..bumpy };
+    changed("bumps", bumpy.clone());
+    changed("shallow bumps", Material { normal_scale: 0.4, ..bumpy });
+    changed("light", Material { emissive: [0.0, 0.4, 1.2], metallic: 0.0, ..gold.clone() });
+    let emissive_map = Some(map(|x, y| [x * 4, 0, y * 8, 255]));
+    changed("light in places", Material { emissive: [1.0; 3], emissive_map, metallic: 0.0, ..gold.clone() });
+    let paper = changed("unlit", Material { unlit: true, base_color: Some([0.25, 0.25, 0.25, 1.0]), ..gold });
+    let middle = (SIZE[1] / 2 * SIZE[0] + SIZE[0] / 2) as usize * 4;
+    assert!(paper.rgba[middle].abs_diff(137) <= 1, "0.25 is 137 in sRGB, not {}", paper.rgba[middle]);
+}
+
+/// A normal map that says the same everywhere turns the light as a tilted surface does, wherever texture coordinates
+/// run.
+#[test]
+fn a_normal_map_tilts_the_surface() {
+    let positions = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+    let triangles = [[0, 1, 2], [0, 2, 3]];
+    // Upright, mirrored, and lying on its side.
+    let upright = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
+    let mirrored = upright.map(|[u, v]| [1.0 - u, v]);
+    let on_its_side = upright.map(|[u, v]| [v, 1.0 - u]);
+    let camera = Camera { target: Vec3::ZERO, yaw: 0.0, pitch: 0.0, distance: 4.0, ..Camera::default() };
+    let color = |uv: &[[f32; 2]; 4], normal: [f32; 3], map: Option<Map>| {
+        let materials = [Material { normal_map: map, roughness: 1.0, ..Material::of_color([0.7; 3]) }];
+        let normals = [normal; 4];
+        let mesh = MeshView { positions: &positions, normals: &normals, triangles: &triangles, ..MeshView::default() };
+        let mesh = MeshView { uv: Some(uv), materials: &materials, ..mesh };
+        let scene = Scene { mesh, ..Scene::default() };
+        if materials[0].normal_map.is_some() {
+            compare("tilt", &scene, &camera);
+        }
+        let picture = render_to_image_cpu(&scene, &camera, [64, 64], Samples::One).unwrap();
+        <[u8; 3]>::try_from(&picture.rgba[(32 * 64 + 32) * 4..][..3]).unwrap()
+    };
+    // Bytes for a slope of a third to the image's right, and one upwards.
+    let length = (1.0_f32 + 1.0 / 9.0).sqrt();
+    let byte = |c: f32| (127.5 + 127.5 * c / length).round() as u8;
+    let [right, up] = [[byte(1.0 / 3.0), 128, byte(1.0), 255], [128, byte(1.0 / 3.0), byte(1.0), 255]];
+    let [to_right, to_left] = [[1.0 / 3.0, 0.0, 1.0], [-1.0 / 3.0, 0.0, 1.0]].map(|n: [f32; 3]| n.map(|c| c / length));
+    let upwards = [0.0, 1.0 / 3.0, 1.0].map(|c: f32| c / length);
+    for (uv, texel, normal) in [
+        (&upright, right, to_right),
+        (&upright, up, upwards),
+        (&mirrored, right, to_left),
+        (&mirrored, up, upwards),
+        // Its right is down on the surface, and its up is right.
+        (&on_its_side, up, to_right),
+    ] {
+        let mapped = color(uv, [0.0, 0.0, 1.0], Some(map(|_, _| texel)));
+        let tilted = color(uv, normal, None);
+        assert!(mapped.iter().zip(tilted).all(|(a, b)| a.abs_diff(b) <= 2), "{texel:?}: {mapped:?}, not {tilted:?}");
+    }
+}
+
+#[test]
+fn glass_holes_and_backs() {
+    let (shape, _) = shapes::figure();
+    let (ground, camera) = standing(&shape);
+    let draw = |material: &Material| {
+        let materials = [material.clone(), Material::of_color([0.2, 0.3, 0.9])];
+        let count = shape.triangles.len() as u32;
+        let part = |first, end, material| MeshPart { triangles: first..end, material };
+        let parts = [part(0, count / 2, 0), part(count / 2, count * 3 / 4, 1), part(count * 3 / 4, count, 0)];
+        let mesh = MeshView { uv: Some(&shape.uv), materials: &materials, parts: &parts, ..mesh_of(&shape) };
+        let scene = Scene { mesh, ground, ..Scene::default() };
+        compare("opacity", &scene, &Camera { yaw: 2.2, ..camera });
+        render_to_image_cpu(&scene, &camera, SIZE, Samples::One).unwrap()
+    };
+    let red = Material::of_color([0.9, 0.3, 0.2]);
+    let solid = draw(&red);
+    let half = Material { base_color: Some([0.8, 0.1, 0.05, 0.5]), ..red.clone() };
+    let glass = draw(&Material { alpha: Alpha::Blend, ..half.clone() });
+    assert!(difference(&glass, &solid).visible > 0.02, "glass must be visible");
+    let opaque = draw(&half);
+    let masked = draw(&Material { alpha: Alpha::Mask { cutoff: 0.5 }, ..half.clone() });
+    assert_eq!(masked, opaque, "what reaches the cutoff is opaque");
+    let nothing = draw(&Material { alpha: Alpha::Mask { cutoff: 0.51 }, ..half.clone() });
+    assert!(difference(&nothing, &opaque).visible > 0.02);
+    let clear = draw(&Material { alpha: Alpha::Blend, base_color: Some([0.8, 0.1, 0.05, 0.0]), ..red.clone() });
+    assert!(difference(&clear, &nothing).visible < 1e-3, "what is clear and what is cut away look the same");
+    // Waves of opacity, so that the edge of the holes is a curve.
+    let base_color_map = Some(map(|x, _| [255, 255, 255, bumps(x, 0)[0]]));
+    let holes = Material { alpha: Alpha::Mask { cutoff: 0.5 }, base_color_map, ..red.clone() };
+    assert!(difference(&draw(&holes), &solid).visible > 0.02);
+    draw(&Material { alpha: Alpha::Blend, double_sided: false, ..holes.clone() });
+    // Through the holes, the far side is seen from within.
+    assert!(difference(&draw(&Material { double_sided: false, ..holes.clone() }), &draw(&holes)).visible > 0.005);
+    assert_eq!(draw(&Material { double_sided: false, ..red }), solid, "backs of closed surfaces are never seen");
+}
+
+#[test]
+fn maps_wrap_alike() {
+    let (shape, _) = shapes::figure();
+    let (ground, camera) = standing(&shape);
+    let uv: Vec<[f32; 2]> = shape.uv.iter().map(|[u, v]| [3.0 * u - 1.2, 2.0 * v - 0.6]).collect();
+    for wrap in [[Wrap::Repeat, Wrap::Mirror], [Wrap::Mirror, Wrap::Clamp], [Wrap::Clamp, Wrap::Repeat]] {
+        // Without a jump where it repeats.
+        let smooth = map(|x, y| [bumps(x, y)[0], bumps(x, y)[1], 120, 255]);
+        let base_color_map = Some(Map { wrap, ..smooth });
+        let materials = [Material { base_color_map, ..Material::default() }];
+        let mesh = MeshView { uv: Some(&uv), materials: &materials, ..mesh_of(&shape) };
+        compare("wrap", &Scene { mesh, ground, ..Scene::default() }, &camera);
+    }
 }
 
 #[test]

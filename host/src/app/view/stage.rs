@@ -86,7 +86,7 @@ impl Stage {
             uv: shape.texture_coordinates().filter(|uv| uv.len() == vertices),
             parts: &shape.parts,
             materials: &shape.materials,
-            colors: None,
+            colors: shape.vertex_colors().filter(|colors| colors.len() == vertices),
             highlight: (self.highlight.len() == vertices && vertices > 0).then_some(self.highlight.as_slice()),
             revision: state.character_number,
         }

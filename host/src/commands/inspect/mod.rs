@@ -5,6 +5,7 @@ mod recognised;
 
 use std::path::Path;
 
+use armature_character::Character;
 use armature_rig::{GroundMode, Motion, PartUid, Skeleton};
 use armature_take::{ClockFault, Record, Summary, Take};
 use serde_json::{Value, json};
@@ -92,8 +93,15 @@ fn inspect_character(path: &Path) -> Result<Findings, Failure> {
     let (mut words, skeleton) = inspect_skeleton(&found.character.skeleton);
     let vertices = found.character.shape.as_ref().map_or(0, |s| s.positions.len());
     words.insert(0, format!("character {:?}: {}", found.character.name, counted(vertices, "vertex", "vertices")));
+    let shapes = found.character.character().map(Character::shape_names).unwrap_or_default();
+    if !shapes.is_empty() {
+        words.push(format!("{}: {}", counted(shapes.len(), "shape", "shapes"), shapes.join(", ")));
+    }
     words.extend(found.warnings.iter().map(|w| format!("note: {w}")));
-    Ok((words, json!({"kind": "character", "name": found.character.name, "vertices": vertices, "skeleton": skeleton})))
+    let value = json!({
+        "kind": "character", "name": found.character.name, "vertices": vertices, "shapes": shapes, "skeleton": skeleton,
+    });
+    Ok((words, value))
 }
 
 fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, Failure> {

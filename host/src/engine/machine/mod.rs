@@ -189,6 +189,12 @@ impl Engine {
             Command::StartRecording => self.start_recording(now, shell)?,
             Command::StopRecording => self.stop_recording(shell),
             Command::LoadCharacter(choice) => self.load(choice.source(), shell)?,
+            Command::SetShape(shape) => {
+                if let Some(pipeline) = &mut self.pipeline {
+                    pipeline.set_shape(&shape)?;
+                    self.frame_waits |= self.settings.draws;
+                }
+            }
             Command::Cancel => self.cancel(shell),
             Command::Blink(uid) => {
                 if let Line::Open(open) = &self.line {

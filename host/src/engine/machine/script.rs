@@ -223,6 +223,7 @@ pub(super) fn rope(bones: usize) -> Arc<LoadedCharacter> {
         materials: Vec::new(),
         skeleton: Skeleton::new((0..bones).map(bone).collect()).unwrap(),
         skins: Vec::new(),
+        avatar: None,
         provenance: Provenance::Artist,
         warnings: Vec::new(),
     };

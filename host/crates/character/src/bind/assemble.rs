@@ -67,6 +67,7 @@ pub(super) fn assemble(model: Model, provenance: Provenance) -> Result<Character
         materials,
         skeleton,
         skins,
+        avatar: model.avatar,
         provenance,
         warnings,
     };

@@ -57,12 +57,18 @@ pub(crate) fn bind_with_ribs(
             Provenance::Artist
         }
         old => {
-            let skeleton = skeleton.or(old.map(|rig| rig.skeleton)).ok_or(BindError::NoSkeleton)?;
+            let own = old.as_ref().map(|rig| &rig.skeleton);
+            let skeleton = skeleton.or_else(|| own.cloned()).ok_or(BindError::NoSkeleton)?;
             drop_loose_vertices(&mut model);
             // The new weights are computed for the surface as it is stored.
             model.parts.iter_mut().for_each(|part| part.skin = None);
             let weights = bone_weights(&model.mesh, &skeleton, ribs, settings, progress)?;
             model.warnings.extend(weights.warnings);
+            if let Some(avatar) = model.avatar.as_mut().filter(|_| own != Some(&skeleton)) {
+                // Its numbers are those of the bones that the file had.
+                avatar.humanoid.clear();
+                avatar.springs.clear();
+            }
             model.rig = Some(ModelRig { skeleton, influences: weights.influences, skins: Vec::new() });
             Provenance::Computed(weights.record)
         }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use armature_formats::model::Material;
 
 use super::file::{Layout, laid_out};
+use super::parts::{drop_wraps, has_wraps};
 use super::provenance::write_old_provenance;
 use crate::character::{Character, Surface};
 
@@ -25,14 +26,26 @@ fn as_once_known(character: &Character) -> Cow<'_, Character> {
     let is_one = surface.parts == [Surface::one_part(&surface.mesh)];
     let ([material], true, true, true) = (&**materials, is_one, surface.morph_targets.is_empty(), skins.is_empty())
     else {
-        return Cow::Borrowed(character);
+        return without_latest(character);
     };
     let Material { base_color, base_color_map, .. } = material.clone();
     let mut known = character.clone();
     known.materials = vec![Material { base_color, base_color_map, ..Material::default() }];
+    let mut known = without_latest(&known).into_owned();
     if known.surface.vertex_colors.is_some() {
         Arc::make_mut(&mut known.surface).vertex_colors = None;
     }
+    Cow::Owned(known)
+}
+
+/// A character without avatar whose images repeat: what files held before they held these.
+fn without_latest(character: &Character) -> Cow<'_, Character> {
+    if !has_wraps(&character.materials) && character.avatar.is_none() {
+        return Cow::Borrowed(character);
+    }
+    let mut known = character.clone();
+    known.avatar = None;
+    drop_wraps(&mut known.materials);
     Cow::Owned(known)
 }
 

@@ -10,15 +10,21 @@
 
 use std::sync::Arc;
 
-use armature_formats::model::{Material, Texture};
+use armature_formats::model::Material;
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::{Bone, Skeleton, Transform};
 use glam::{Quat, Vec3};
 
+use super::avatar::{read_avatar, write_avatar};
 use super::bytes::{Reader, Writer};
 use super::error::CacheError;
-use super::format::{COLORS_VERSION, FORMAT_VERSION, HEADER, MAGIC, OLDEST_VERSION, SINGLE_MESH_VERSION};
-use super::parts::{read_colors, read_parts, write_colors, write_parts};
+use super::format::{
+    AVATAR_VERSION, COLORS_VERSION, FORMAT_VERSION, HEADER, MAGIC, MONOTONE_VERSION, OLDEST_VERSION,
+    SINGLE_MESH_VERSION,
+};
+use super::parts::{
+    has_wraps, read_colors, read_image, read_parts, read_wraps, write_colors, write_parts, write_wraps,
+};
 use super::provenance::{read_provenance, write_provenance};
 use crate::character::{Character, Provenance, Surface, WeightsRecord};
 
@@ -35,20 +41,26 @@ pub(super) struct Layout {
     pub(super) write_provenance: fn(&mut Writer, &Provenance),
 }
 
-/// A character's bytes in a layout for a single mesh, or in a newer one if there is more.
+/// A character's bytes in a layout for a single mesh, or in the oldest that can represent all of it if there is more.
 pub(super) fn laid_out(character: &Character, how: Layout) -> Vec<u8> {
     let is_monotone = matches!(character.provenance.record(), Some(WeightsRecord::Monotone(_)));
     let is_single = !is_monotone && is_single_mesh(character);
-    let version = match (is_monotone, is_single) {
-        (true, _) => FORMAT_VERSION,
-        (false, true) => how.single_mesh,
-        (false, false) => COLORS_VERSION,
+    let is_known_better = has_wraps(&character.materials) || character.avatar.is_some();
+    let version = match (is_single, is_known_better, is_monotone) {
+        (true, ..) => how.single_mesh,
+        (false, true, _) => AVATAR_VERSION,
+        (false, false, true) => MONOTONE_VERSION,
+        (false, false, false) => COLORS_VERSION,
     };
     let mut body = Writer::default();
     write_body(&mut body, character, if is_single { how.write_provenance } else { write_provenance });
     if !is_single {
         write_parts(&mut body, character);
         write_colors(&mut body, character);
+        if version >= AVATAR_VERSION {
+            write_wraps(&mut body, &character.materials);
+            write_avatar(&mut body, character.avatar.as_ref());
+        }
     }
     let mut out = Vec::with_capacity(HEADER + body.0.len());
     out.extend(MAGIC);
@@ -61,7 +73,7 @@ pub(super) fn laid_out(character: &Character, how: Layout) -> Vec<u8> {
 
 /// Whether there is nothing but one mesh and one material with a colour and its map.
 fn is_single_mesh(character: &Character) -> bool {
-    let Character { surface, materials, skins, .. } = character;
+    let Character { surface, materials, skins, avatar, .. } = character;
     let [material] = materials.as_slice() else { return false };
     let (base_color, base_color_map) = (material.base_color, material.base_color_map.clone());
     surface.parts == [Surface::one_part(&surface.mesh)]
@@ -69,6 +81,8 @@ fn is_single_mesh(character: &Character) -> bool {
         && surface.vertex_colors.is_none()
         && skins.is_empty()
         && base_color.is_some()
+        && !has_wraps(materials)
+        && avatar.is_none()
         && *material == Material { base_color, base_color_map, ..Material::default() }
 }
 
@@ -102,6 +116,10 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Character, CacheError> {
     if found >= COLORS_VERSION {
         read_colors(&mut reader, &mut character)?;
     }
+    if found >= AVATAR_VERSION {
+        read_wraps(&mut reader, &mut character.materials)?;
+        character.avatar = read_avatar(&mut reader, &character)?;
+    }
     if reader.left() > 0 {
         return Err(reader.bad(format!("{} bytes too many", reader.left())));
     }
@@ -111,8 +129,9 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Character, CacheError> {
 /// A whole character of one mesh.
 fn write_body(w: &mut Writer, character: &Character, write_provenance: fn(&mut Writer, &Provenance)) {
     // Destructured, so that a new field cannot be forgotten: parts, morph targets, skins and the rest of the materials
-    // are written by `write_parts` and `write_colors`.
-    let Character { name, surface, materials, skeleton, skins: _, provenance, warnings } = character;
+    // are written by `write_parts`,
+    // `write_colors` and `write_wraps`, the avatar by `write_avatar`.
+    let Character { name, surface, materials, skeleton, skins: _, avatar: _, provenance, warnings } = character;
     let Surface { mesh, normals, texture_coordinates, vertex_colors: _, influences, parts: _, morph_targets: _ } =
         &**surface;
     let first = materials.first();
@@ -161,7 +180,7 @@ fn read_body(r: &mut Reader) -> Result<Character, CacheError> {
         return Err(r.bad("texture coordinates and vertices differ in number"));
     }
     let base_color = r.f32s::<4>()?;
-    let base_color_map = r.option(|r| Ok(Arc::new(Texture { mime: r.text()?, bytes: r.bytes()?.to_vec() })))?;
+    let base_color_map = r.option(read_image)?;
     let bones = r.list(64, read_bone)?;
     let skeleton = Skeleton::new(bones).map_err(|error| r.bad(error.to_string()))?;
     let influences = read_influences(r, vertex_count, skeleton.len())?;
@@ -182,6 +201,7 @@ fn read_body(r: &mut Reader) -> Result<Character, CacheError> {
         materials: vec![Material { base_color: Some(base_color), base_color_map, ..Material::default() }],
         skeleton,
         skins: Vec::new(),
+        avatar: None,
         provenance,
         warnings,
     })

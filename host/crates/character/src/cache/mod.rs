@@ -9,6 +9,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod avatar;
 mod bytes;
 mod content_hash;
 mod error;

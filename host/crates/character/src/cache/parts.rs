@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use armature_formats::model::{AlphaMode, Material, MeshPart, MorphTarget, Skin, Texture};
+use armature_formats::model::{AlphaMode, Material, MeshPart, MorphTarget, Skin, Texture, Wrap};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 use super::bytes::{Reader, Writer};
@@ -13,6 +13,10 @@ use crate::character::{Character, Surface};
 const OPAQUE: u8 = 0;
 const MASK: u8 = 1;
 const BLEND: u8 = 2;
+
+const REPEAT: u8 = 0;
+const MIRROR: u8 = 1;
+const CLAMP: u8 = 2;
 
 pub(super) fn write_parts(w: &mut Writer, character: &Character) {
     let Character { surface, materials, skins, .. } = character;
@@ -73,6 +77,66 @@ pub(super) fn read_colors(r: &mut Reader, character: &mut Character) -> Result<(
     Ok(())
 }
 
+/// An image that repeats.
+pub(super) fn read_image(r: &mut Reader) -> Result<Arc<Texture>, CacheError> {
+    Ok(Arc::new(Texture { mime: r.text()?, bytes: r.bytes()?.to_vec(), wrap: [Wrap::Repeat; 2] }))
+}
+
+/// Whether any image does something else than repeat.
+pub(super) fn has_wraps(materials: &[Material]) -> bool {
+    materials.iter().flat_map(Material::maps).flatten().any(|map| map.wrap != [Wrap::Repeat; 2])
+}
+
+/// What a still later layout added: what is beside each image on the surface.
+pub(super) fn write_wraps(w: &mut Writer, materials: &[Material]) {
+    w.list(&images_of(materials), |w, image| {
+        for wrap in image.wrap {
+            w.byte(match wrap {
+                Wrap::Repeat => REPEAT,
+                Wrap::Mirror => MIRROR,
+                Wrap::Clamp => CLAMP,
+            });
+        }
+    });
+}
+
+pub(super) fn read_wraps(r: &mut Reader, materials: &mut [Material]) -> Result<(), CacheError> {
+    let images = images_of(materials);
+    let wraps = r.list(2, |r| Ok([read_wrap(r)?, read_wrap(r)?]))?;
+    if wraps.len() != images.len() {
+        return Err(r.bad("images differ in number"));
+    }
+    set_wraps(materials, &wraps);
+    Ok(())
+}
+
+/// Replaces what is beside each image; images stay shared. `wraps`: one for each of [`images_of`].
+fn set_wraps(materials: &mut [Material], wraps: &[[Wrap; 2]]) {
+    let images = images_of(materials);
+    let wrapped: Vec<Arc<Texture>> =
+        images.iter().zip(wraps).map(|(image, &wrap)| Arc::new(Texture { wrap, ..(**image).clone() })).collect();
+    for map in materials.iter_mut().flat_map(Material::maps_mut).flatten() {
+        if let Some(at) = images.iter().position(|image| Arc::ptr_eq(image, map)) {
+            *map = wrapped[at].clone();
+        }
+    }
+}
+
+/// Makes all images repeat.
+pub(super) fn drop_wraps(materials: &mut [Material]) {
+    let count = images_of(materials).len();
+    set_wraps(materials, &vec![[Wrap::Repeat; 2]; count]);
+}
+
+fn read_wrap(r: &mut Reader) -> Result<Wrap, CacheError> {
+    match r.byte()? {
+        REPEAT => Ok(Wrap::Repeat),
+        MIRROR => Ok(Wrap::Mirror),
+        CLAMP => Ok(Wrap::Clamp),
+        kind => Err(r.bad(format!("an unknown way to wrap an image, {kind}"))),
+    }
+}
+
 /// Each image once, in order of appearance.
 fn images_of(materials: &[Material]) -> Vec<Arc<Texture>> {
     let mut images: Vec<Arc<Texture>> = Vec::new();
@@ -124,7 +188,7 @@ fn write_material(w: &mut Writer, material: &Material, images: &[Arc<Texture>]) 
 
 /// Replaces the single part and material of the older layout.
 pub(super) fn read_parts(r: &mut Reader, character: &mut Character) -> Result<(), CacheError> {
-    let images = r.list(16, |r| Ok(Arc::new(Texture { mime: r.text()?, bytes: r.bytes()?.to_vec() })))?;
+    let images = r.list(16, read_image)?;
     character.materials = r.list(42, |r| read_material(r, &images))?;
     let parts = r.list(26, |r| {
         let name = r.text()?;

@@ -1,7 +1,11 @@
-use armature_formats::model::{AlphaMode, MeshPart, MorphTarget, Skin};
+use armature_formats::model::{
+    AlphaMode, Avatar, Expression, HumanoidBone, MeshPart, MorphTarget, Skin, SpringChain, SpringCollider, SpringJoint,
+    Texture, Wrap,
+};
 use armature_weights::handles::FREE_NEAR_JOINTS;
 
 use super::*;
+use crate::cache::content_hash;
 use crate::character::{HeatRecord, MonotoneRecord, Provenance, SolvedRecord, WeightsRecord};
 use crate::handle_weights::{BiharmonicTier, DomainKind};
 
@@ -16,7 +20,7 @@ fn small() -> Character {
     // Thirds are not exact in f32, so normalising a second time would turn bits.
     let weights = vec![0.3, 0.3, 0.3, 1.0, 0.0, 0.0, 0.6, 0.7, 0.0, 0.1, 0.2, 0.3];
     let mesh = TriangleMesh { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]] };
-    let texture = Texture { mime: "image/png".into(), bytes: vec![1, 2, 3] };
+    let texture = Texture { mime: "image/png".into(), bytes: vec![1, 2, 3], ..Texture::default() };
     Character {
         name: "tetra \u{e4}".into(),
         surface: Arc::new(Surface {
@@ -35,6 +39,7 @@ fn small() -> Character {
         }],
         skeleton: Skeleton::new(vec![bone("a", None, 0.0), bone("b", Some(0), 0.5), bone("c", Some(1), 0.5)]).unwrap(),
         skins: Vec::new(),
+        avatar: None,
         provenance: Provenance::Computed(WeightsRecord::Biharmonic(SolvedRecord {
             tier: BiharmonicTier::Certified,
             domain: DomainKind::Surface,
@@ -82,7 +87,11 @@ fn rich() -> Character {
         base_color_map: None,
         metallic: 0.25,
         roughness: 0.125,
-        metallic_roughness_map: Some(Arc::new(Texture { mime: "image/jpeg".into(), bytes: vec![9; 7] })),
+        metallic_roughness_map: Some(Arc::new(Texture {
+            mime: "image/jpeg".into(),
+            bytes: vec![9; 7],
+            ..Texture::default()
+        })),
         normal_map: map,
         normal_scale: 0.75,
         emissive: [0.5, 0.25, 1.0],
@@ -131,6 +140,57 @@ fn parts_materials_skins_and_morph_targets_come_back_and_images_stay_shared() {
 }
 
 #[test]
+fn an_avatar_comes_back() {
+    let mut character = rich();
+    let hash = content_hash(&character);
+    let joint = SpringJoint { bone: 2, stiffness: 0.5, gravity_direction: [0.0, -1.0, 0.0], ..SpringJoint::default() };
+    let sphere = SpringCollider { bone: 1, offset: [0.25; 3], ..SpringCollider::default() };
+    let capsule = SpringCollider { tail: Some([0.5; 3]), radius: 2.0, ..sphere };
+    character.avatar = Some(Avatar {
+        version: "1.0".into(),
+        humanoid: vec![HumanoidBone { name: "hips".into(), bone: 0 }],
+        expressions: vec![Expression { name: "happy".into(), targets: vec![(0, 1.0), (1, 0.25)] }],
+        springs: vec![SpringChain { name: "hair".into(), joints: vec![joint], colliders: vec![sphere, capsule] }],
+    });
+    let bytes = to_bytes(&character);
+    assert_eq!(bytes[8..12], 8_u32.to_le_bytes());
+    assert_eq!(from_bytes(&bytes).as_ref(), Ok(&character));
+    assert_eq!(content_hash(&character), hash, "takes find the character that they were recorded with");
+    truncations_are_errors(&bytes);
+    let avatar = character.avatar.as_mut().unwrap();
+    avatar.expressions[0].targets[0].0 = 2;
+    let error = from_bytes(&to_bytes(&character)).unwrap_err().to_string();
+    assert!(error.contains("morph target 2 of 2"), "{error}");
+    let mut weights = character.default_weights();
+    character.avatar.as_mut().unwrap().expressions[0].targets[0].0 = 0;
+    assert!(character.set_shape(&mut weights, "happy", 0.5) && weights == [0.5, 0.125]);
+    assert!(character.set_shape(&mut weights, "up", 1.0) && weights == [1.0, 0.125]);
+    assert!(!character.set_shape(&mut weights, "sad", 1.0));
+    assert_eq!(character.shape_names(), ["happy", "up", ""]);
+}
+
+#[test]
+fn images_stay_wrapped() {
+    for mut character in [small(), rich()] {
+        let hash = content_hash(&character);
+        let map = character.materials[0].base_color_map.as_deref().cloned().unwrap();
+        let wrapped = Arc::new(Texture { wrap: [Wrap::Clamp, Wrap::Mirror], ..map });
+        character.materials.iter_mut().for_each(|material| material.base_color_map = Some(wrapped.clone()));
+        let bytes = to_bytes(&character);
+        assert_eq!(bytes[8..12], 8_u32.to_le_bytes());
+        let again = from_bytes(&bytes).unwrap();
+        assert_eq!(again, character);
+        let maps = again.materials.iter().map(|material| material.base_color_map.as_ref().unwrap());
+        assert!(maps.clone().all(|map| Arc::ptr_eq(map, maps.clone().next().unwrap())), "one image, not several");
+        assert!(from_bytes(&sealed(bytes[..bytes.len() - 1].to_vec())).is_err());
+        character.materials.truncate(1);
+        if character.surface.parts.len() == 1 {
+            assert_eq!(content_hash(&character), hash, "takes find the character that they were recorded with");
+        }
+    }
+}
+
+#[test]
 fn characters_written_before_vertices_had_colours_open() {
     let mut character = rich();
     character.materials[1].unlit = false;
@@ -150,6 +210,7 @@ fn a_character_of_one_mesh_is_written_as_before() {
         |c: &mut Character| c.materials[0].metallic = 1.0,
         |c: &mut Character| c.materials[0].name = "paint".into(),
         |c: &mut Character| c.materials.push(Material::default()),
+        |c: &mut Character| c.materials[0].double_sided = false,
         |c: &mut Character| {
             c.skins.push(Skin { bound_model_from_bone: vec![glam::Affine3A::IDENTITY; 3], ..Skin::default() });
         },

@@ -1,6 +1,7 @@
 //! Why a character has no inverse kinematics.
 
 use armature_deform::arap::ArapError;
+use armature_deform::skin::SkinError;
 use armature_rig::Skeleton;
 
 /// Why a character has no inverse kinematics.
@@ -23,6 +24,9 @@ pub enum IkError {
     /// The shape cannot be reduced to its bones.
     #[error("the shape cannot be posed by a few of its bones: {0}")]
     Shape(#[from] ArapError),
+    /// The character cannot be brought into its rest pose.
+    #[error(transparent)]
+    Skin(#[from] SkinError),
 }
 
 pub(super) fn find_bone(skeleton: &Skeleton, name: &str) -> Result<usize, IkError> {

@@ -12,18 +12,28 @@ use crate::character::{Character, Surface};
 
 /// The character's shape as the energy sees it.
 #[derive(Clone, Debug)]
-pub(super) struct Shape(Arc<Surface>);
+pub(super) struct Shape {
+    surface: Arc<Surface>,
+    /// Its vertices in the skeleton's rest pose, where some part was bound in another.
+    in_rest_pose: Option<Vec<[f64; 3]>>,
+}
 
 impl Shape {
-    pub(super) fn of(character: &Character) -> Self {
-        Self(character.surface.clone())
+    pub(super) fn of(character: &Character) -> Result<Self, IkError> {
+        let surface = character.surface.clone();
+        let in_rest_pose = if surface.parts.iter().any(|part| part.skin.is_some()) {
+            Some(character.positions_in_rest_pose()?.iter().map(|p| p.map(f64::from)).collect())
+        } else {
+            None
+        };
+        Ok(Self { surface, in_rest_pose })
     }
 
     /// For every bone, the total weight of all vertices.
     pub(super) fn weight_of_bones(&self, bones: usize) -> Vec<f64> {
         let mut weight = vec![0.0; bones];
-        for vertex in 0..self.0.influences.vertex_count() {
-            self.0.influences.of_vertex(vertex).for_each(|(bone, w)| weight[usize::from(bone)] += f64::from(w));
+        for vertex in 0..self.surface.influences.vertex_count() {
+            self.surface.influences.of_vertex(vertex).for_each(|(bone, w)| weight[usize::from(bone)] += f64::from(w));
         }
         weight
     }
@@ -35,9 +45,9 @@ impl Shape {
         progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
     ) -> Result<ReducedArap, IkError> {
         let handles = layout.handle_count();
-        let mut weights = vec![0.0; self.0.mesh.vertices.len() * handles];
+        let mut weights = vec![0.0; self.surface.mesh.vertices.len() * handles];
         for (vertex, row) in weights.chunks_exact_mut(handles).enumerate() {
-            for (bone, weight) in self.0.influences.of_vertex(vertex) {
+            for (bone, weight) in self.surface.influences.of_vertex(vertex) {
                 row[layout.handle_of_bone[usize::from(bone)]] += f64::from(weight);
             }
         }
@@ -51,8 +61,8 @@ impl Shape {
         let joints: Vec<SharedJoint> = layout.bone_of_handle.iter().enumerate().filter_map(joint).collect();
         let mut arap = ReducedArap::precompute(
             &ArapShape {
-                positions: &self.0.mesh.vertices,
-                energy: ArapEnergy::SpokesAndRims(&self.0.mesh.triangles),
+                positions: self.in_rest_pose.as_ref().unwrap_or(&self.surface.mesh.vertices),
+                energy: ArapEnergy::SpokesAndRims(&self.surface.mesh.triangles),
                 weights: &weights,
                 handle_points: &handle_points,
                 joints: &joints,

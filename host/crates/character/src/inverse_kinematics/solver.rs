@@ -50,7 +50,7 @@ impl InverseKinematics {
             let roots = skeleton.bones().iter().map(|bone| bone.parent.is_none().then_some(PinHold::Fixed));
             held = roots.collect();
         }
-        let shape = Shape::of(character);
+        let shape = Shape::of(character)?;
         let moves: Vec<bool> = shape.weight_of_bones(skeleton.len()).iter().map(|w| *w >= LEAST_WEIGHT).collect();
         let driven = vec![false; skeleton.len()];
         Ok(Self {

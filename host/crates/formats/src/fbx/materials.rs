@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use ufbx::{MaterialMap, Texture as FbxTexture};
+use ufbx::{MaterialMap, Texture as FbxTexture, WrapMode};
 
 use crate::model::texture::{forward_slashes, texture};
-use crate::model::{AlphaMode, Material, Resolver, Texture};
+use crate::model::{AlphaMode, Material, Resolver, Texture, Wrap};
 use crate::text::quoted;
 
 /// The materials that are used, in order of appearance. An image that several maps use is fetched once.
@@ -97,7 +97,8 @@ impl<'r> Materials<'r> {
             emissive: [emission.x, emission.y, emission.z].map(emitted),
             emissive_map,
             alpha: if opacity < 1.0 || shares_image { AlphaMode::Blend } else { AlphaMode::Opaque },
-            double_sided: material.features.double_sided.enabled,
+            // FBX says this of objects at most, and few programs write or heed it.
+            double_sided: true,
             unlit: material.features.unlit.enabled,
         }
     }
@@ -120,8 +121,12 @@ impl<'r> Materials<'r> {
         let relative = forward_slashes(&found.relative_filename);
         let path = if relative.is_empty() { forward_slashes(&found.filename) } else { relative };
         let file = path.rsplit('/').next().unwrap_or(&path).to_owned();
+        let wrap = [found.wrap_u, found.wrap_v].map(|mode| match mode {
+            WrapMode::Clamp => Wrap::Clamp,
+            WrapMode::Repeat => Wrap::Repeat,
+        });
         if !found.content.is_empty() {
-            return texture(&quoted(&file), found.content.to_vec(), &mut self.warnings);
+            return texture(&quoted(&file), found.content.to_vec(), wrap, &mut self.warnings);
         }
         if file.is_empty() {
             return None;
@@ -133,7 +138,7 @@ impl<'r> Materials<'r> {
             other => other,
         };
         match bytes {
-            Ok(bytes) => texture(&quoted(&file), bytes, &mut self.warnings),
+            Ok(bytes) => texture(&quoted(&file), bytes, wrap, &mut self.warnings),
             Err(error) => {
                 let elsewhere = if is_below { String::new() } else { format!(" ({} is not followed)", quoted(&path)) };
                 self.warnings.push(format!("The texture {} is missing: {error}{elsewhere}.", quoted(&file)));

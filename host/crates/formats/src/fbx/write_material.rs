@@ -6,7 +6,7 @@ use super::write_document::{
     Document, Id, Node, Value, enum_property, number_property, object_name, properties, property, text_property,
     vector_property,
 };
-use crate::model::{AlphaMode, Material, Texture};
+use crate::model::{AlphaMode, Material, Texture, Wrap};
 use crate::text::quoted;
 
 /// The name of the texture coordinates.
@@ -66,6 +66,8 @@ impl Images<'_> {
                 text_property("UVSet", UV_SET),
                 property("UseMaterial", ["bool", "", ""], vec![1.into()]),
                 enum_property("CurrentMappingType", 0),
+                enum_property("WrapModeU", (map.wrap[0] == Wrap::Clamp).into()),
+                enum_property("WrapModeV", (map.wrap[1] == Wrap::Clamp).into()),
             ]),
             Node::new("ModelUVTranslation", vec![0.0.into(), 0.0.into()]),
             Node::new("ModelUVScaling", vec![1.0.into(), 1.0.into()]),
@@ -128,7 +130,7 @@ fn write_material(document: &mut Document, images: &mut Images, material: &Mater
         (material.metallic_roughness_map.is_some(), "its metallic-roughness map"),
         (matches!(material.alpha, AlphaMode::Mask { .. }), "the cutoff of its opacity"),
         (material.unlit, "that it is unlit"),
-        (material.double_sided, "that it is double-sided"),
+        (!material.double_sided, "that it shows one side"),
     ];
     let missing: Vec<&str> = missing.iter().filter(|(is, _)| *is).map(|(_, what)| *what).collect();
     if !missing.is_empty() {

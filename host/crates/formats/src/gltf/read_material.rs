@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use gltf_json::material::{AlphaMode as GltfAlpha, Material as GltfMaterial};
+use gltf_json::texture::WrappingMode;
 use gltf_json::validation::Checked;
 use gltf_json::{Index, Value, texture};
 use serde_json::Map;
@@ -10,7 +11,7 @@ use serde_json::Map;
 use super::container::Document;
 use crate::FormatError;
 use crate::model::texture::texture;
-use crate::model::{AlphaMode, Material, Resolver, Texture};
+use crate::model::{AlphaMode, Material, Resolver, Texture, Wrap};
 use crate::text::quoted;
 
 /// Where a map lies on the surface: which texture coordinates, and what is done to them.
@@ -161,7 +162,7 @@ fn read_material(
 struct Images<'d> {
     document: &'d Document<'d>,
     resolver: Resolver<'d>,
-    fetched: Vec<(usize, Option<Arc<Texture>>)>,
+    fetched: Vec<((usize, [Wrap; 2]), Option<Arc<Texture>>)>,
 }
 
 impl Images<'_> {
@@ -171,24 +172,39 @@ impl Images<'_> {
         index: Index<texture::Texture>,
         warnings: &mut Vec<String>,
     ) -> Result<Option<Arc<Texture>>, FormatError> {
-        let number = self.document.get(&self.document.root.textures, index, "texture")?.source.value();
-        if let Some((_, image)) = self.fetched.iter().find(|(known, _)| *known == number) {
+        let texture = self.document.get(&self.document.root.textures, index, "texture")?;
+        let key = (texture.source.value(), self.wrap(texture)?);
+        if let Some((_, image)) = self.fetched.iter().find(|(known, _)| *known == key) {
             return Ok(image.clone());
         }
-        let image = self.fetch(number, warnings)?;
-        self.fetched.push((number, image.clone()));
+        let image = self.fetch(key, warnings)?;
+        self.fetched.push((key, image.clone()));
         Ok(image)
     }
 
-    fn fetch(&self, number: usize, warnings: &mut Vec<String>) -> Result<Option<Arc<Texture>>, FormatError> {
+    fn wrap(&self, texture: &texture::Texture) -> Result<[Wrap; 2], FormatError> {
+        let Some(sampler) = texture.sampler else { return Ok([Wrap::Repeat; 2]) };
+        let sampler = self.document.get(&self.document.root.samplers, sampler, "sampler")?;
+        Ok([sampler.wrap_s, sampler.wrap_t].map(|mode| match mode {
+            Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+            Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+            Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+        }))
+    }
+
+    fn fetch(
+        &self,
+        (number, wrap): (usize, [Wrap; 2]),
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<Arc<Texture>>, FormatError> {
         let Some(image) = self.document.root.images.get(number) else {
             warnings.push("The texture is ignored: its image format needs an extension.".to_owned());
             return Ok(None);
         };
         Ok(match (image.buffer_view, &image.uri) {
-            (Some(view), _) => texture("of the file", self.document.view(view)?.0.to_vec(), warnings),
+            (Some(view), _) => texture("of the file", self.document.view(view)?.0.to_vec(), wrap, warnings),
             (None, Some(uri)) => match self.document.fetch(uri, self.resolver) {
-                Ok(bytes) => texture(image.name.as_deref().unwrap_or("beside the file"), bytes, warnings),
+                Ok(bytes) => texture(image.name.as_deref().unwrap_or("beside the file"), bytes, wrap, warnings),
                 Err(error) => {
                     warnings.push(format!("The texture is ignored: {}.", error.what));
                     None

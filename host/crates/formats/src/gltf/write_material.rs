@@ -7,12 +7,13 @@ use gltf_json::material::{
     AlphaCutoff, AlphaMode as GltfAlpha, EmissiveFactor, Material as GltfMaterial, NormalTexture, PbrBaseColorFactor,
     PbrMetallicRoughness, StrengthFactor,
 };
+use gltf_json::texture::WrappingMode;
 use gltf_json::validation::Checked;
 use gltf_json::{Index, image, texture};
 use serde_json::{Map, json};
 
 use super::buffer::Builder;
-use crate::model::{AlphaMode, Material, Texture};
+use crate::model::{AlphaMode, Material, Texture, Wrap};
 
 /// Writes materials, or a plain one if there are none. An image that several maps share is written once.
 pub(super) fn write_materials(builder: &mut Builder, materials: &[Material]) -> Vec<Index<GltfMaterial>> {
@@ -46,7 +47,15 @@ impl Images {
             extras: gltf_json::Extras::default(),
         };
         let source = Index::push(&mut builder.root.images, image);
-        let sampler = Index::push(&mut builder.root.samplers, texture::Sampler::default());
+        let [wrap_s, wrap_t] = map.wrap.map(|wrap| {
+            Checked::Valid(match wrap {
+                Wrap::Repeat => WrappingMode::Repeat,
+                Wrap::Mirror => WrappingMode::MirroredRepeat,
+                Wrap::Clamp => WrappingMode::ClampToEdge,
+            })
+        });
+        let sampler = texture::Sampler { wrap_s, wrap_t, ..texture::Sampler::default() };
+        let sampler = Index::push(&mut builder.root.samplers, sampler);
         let texture = texture::Texture {
             name: None,
             sampler: Some(sampler),

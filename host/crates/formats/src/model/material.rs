@@ -40,6 +40,20 @@ pub struct Texture {
     pub mime: String,
     /// The encoded image.
     pub bytes: Vec<u8>,
+    /// What is beside it on the surface, across and down.
+    pub wrap: [Wrap; 2],
+}
+
+/// What a map shows where texture coordinates are outside of its image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// The image again.
+    #[default]
+    Repeat,
+    /// The image again, every other one mirrored.
+    Mirror,
+    /// The pixels of its edge.
+    Clamp,
 }
 
 /// What the opacity of a [`Material`] means.
@@ -58,7 +72,7 @@ pub enum AlphaMode {
 }
 
 impl Default for Material {
-    /// Neither metal nor mirror, without a colour of its own.
+    /// Neither metal nor mirror, without a colour of its own, and seen from both sides.
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -72,7 +86,7 @@ impl Default for Material {
             emissive: [0.0; 3],
             emissive_map: None,
             alpha: AlphaMode::default(),
-            double_sided: false,
+            double_sided: true,
             unlit: false,
         }
     }
@@ -83,6 +97,12 @@ impl Material {
     pub fn maps(&self) -> [Option<&Arc<Texture>>; 4] {
         let Self { base_color_map, metallic_roughness_map, normal_map, emissive_map, .. } = self;
         [base_color_map, metallic_roughness_map, normal_map, emissive_map].map(Option::as_ref)
+    }
+
+    /// The same, to be replaced.
+    pub fn maps_mut(&mut self) -> [&mut Option<Arc<Texture>>; 4] {
+        let Self { base_color_map, metallic_roughness_map, normal_map, emissive_map, .. } = self;
+        [base_color_map, metallic_roughness_map, normal_map, emissive_map]
     }
 
     /// Whether all its numbers are finite.

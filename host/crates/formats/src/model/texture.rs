@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::contents::Model;
-use super::material::Texture;
+use super::material::{Texture, Wrap};
 use super::resolver::Resolver;
 
 /// Fetches an image through the resolver; a missing or unknown image becomes a warning.
@@ -16,18 +16,18 @@ pub(crate) fn load_texture(name: &str, resolver: Resolver, model: &mut Model) {
 
 /// Takes an image for the first material if its format can be drawn and exported.
 fn set_texture(name: &str, bytes: Vec<u8>, model: &mut Model) {
-    if let Some(texture) = texture(name, bytes, &mut model.warnings) {
+    if let Some(texture) = texture(name, bytes, [Wrap::Repeat; 2], &mut model.warnings) {
         model.first_material().base_color_map = Some(texture);
     }
 }
 
 /// An image, if its format can be drawn and exported.
-pub(crate) fn texture(name: &str, bytes: Vec<u8>, warnings: &mut Vec<String>) -> Option<Arc<Texture>> {
+pub(crate) fn texture(name: &str, bytes: Vec<u8>, wrap: [Wrap; 2], warnings: &mut Vec<String>) -> Option<Arc<Texture>> {
     let Some(mime) = image_mime(&bytes) else {
         warnings.push(format!("The texture {name} is ignored: it is neither PNG nor JPEG."));
         return None;
     };
-    Some(Arc::new(Texture { mime: mime.to_owned(), bytes }))
+    Some(Arc::new(Texture { mime: mime.to_owned(), bytes, wrap }))
 }
 
 /// Determined by the first bytes, whatever the name or the file says.

@@ -12,7 +12,9 @@ use rayon::prelude::*;
 
 use crate::bone_shape::bone_triangles;
 use crate::contact_shadow::ContactShadow;
+use crate::material::MAP_IS_SRGB;
 use crate::picture::{CPU_SIDE_LIMIT, check_size};
+use crate::scene::NO_MATERIAL;
 use crate::uniforms::Uniforms;
 use crate::{Camera, MeshView, Picture, RenderError, Samples, Scene};
 
@@ -31,21 +33,26 @@ pub fn render_to_image_cpu(
     let mut overlay = Vec::new();
     bone_triangles(scene.bones, scene.ground.radius, &mut overlay);
 
-    let linear = sampling::LinearBytes::new();
-    let paint = |material| {
-        let texture = scene.mesh.texture_of(material).map(AsRef::as_ref);
-        let base_color = scene.mesh.color_of(material, &scene.look);
-        mesh::Paint { base_color, texture: sampling::TextureSampler { texture, linear: &linear } }
-    };
-    let paints: Vec<mesh::Paint> = scene.mesh.drawn_materials().iter().map(paint).collect();
-    let paint_of = paint_of_triangles(&scene.mesh);
+    let bytes = sampling::Bytes::new();
+    let has_maps = scene.mesh.uv.is_some();
+    let materials = scene.mesh.drawn_materials().iter().zip(scene.mesh.material_uniforms(&scene.look));
+    let paints: Vec<mesh::Paint> = materials
+        .map(|(material, uniforms)| {
+            let maps = material.maps().map(|map| map.filter(|_| has_maps));
+            let maps = std::array::from_fn(|map| bytes.sampler(maps[map], MAP_IS_SRGB[map]));
+            mesh::Paint { material: uniforms, maps }
+        })
+        .collect();
+    let paint_of = scene.mesh.material_of_triangles();
+    let (opaque, blended) = drawing_order(&scene.mesh, camera, &paint_of);
     let frame = tile::Frame {
         paint_of: &paint_of,
         paints: &paints,
         uniforms: &uniforms,
         shadow: &shadow,
         mesh: scene.mesh,
-        skin: raster::project_mesh(&scene.mesh, &paint_of, &uniforms, size),
+        skin: raster::project_mesh(&scene.mesh, &opaque, &uniforms, size),
+        blended: raster::project_mesh(&scene.mesh, &blended, &uniforms, size),
         bones: raster::project_overlay(&overlay, &uniforms, size),
         overlay: &overlay,
         samples,
@@ -57,12 +64,12 @@ pub fn render_to_image_cpu(
     Ok(Picture { width: size[0], height: size[1], rgba: tile::assemble(&tiles, size) })
 }
 
-/// The material of each triangle. Where parts overlap, the first one counts.
-fn paint_of_triangles(mesh: &MeshView) -> Vec<u32> {
-    let mut paint_of = vec![raster::UNPAINTED; mesh.triangles.len()];
-    for (triangles, material) in mesh.drawn_parts() {
-        let own = &mut paint_of[triangles.start as usize..triangles.end as usize];
-        own.iter_mut().filter(|paint| **paint == raster::UNPAINTED).for_each(|paint| *paint = material as u32);
-    }
-    paint_of
+/// The triangles that hide what is behind them, and those that are blended over it, the farthest first.
+fn drawing_order(mesh: &MeshView, camera: &Camera, material_of: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let drawn = (0..).zip(material_of).filter(|(_, material)| **material != NO_MATERIAL);
+    let (blended, opaque): (Vec<_>, Vec<_>) = drawn.partition(|(_, material)| mesh.is_blended(**material));
+    let mut by_distance: Vec<(f32, u32)> = blended.into_iter().map(|(triangle, _)| (0.0, triangle)).collect();
+    mesh.sort_farthest_first(camera, &mut by_distance);
+    let opaque = opaque.into_iter().map(|(triangle, _)| triangle).collect();
+    (opaque, by_distance.into_iter().map(|(_, triangle)| triangle).collect())
 }

@@ -57,21 +57,22 @@ struct Corner {
     weights: Vec3,
 }
 
-/// A triangle that belongs to no part.
-pub(crate) const UNPAINTED: u32 = u32::MAX;
-
-/// Both sides of every triangle of the skin that is drawn.
+/// Both sides of the mesh's triangles with these numbers, in this order.
 pub(crate) fn project_mesh(
     mesh: &MeshView,
-    paint_of: &[u32],
+    triangles: &[u32],
     uniforms: &Uniforms,
     size: [u32; 2],
 ) -> Vec<ScreenTriangle> {
+    if triangles.is_empty() {
+        return Vec::new();
+    }
     let clip: Vec<Vec4> =
         mesh.positions.iter().map(|&p| uniforms.clip_from_world * Vec3::from(p).extend(1.0)).collect();
-    let mut out = Vec::with_capacity(mesh.triangles.len());
-    for (source, corners) in mesh.triangles.iter().enumerate().filter(|(source, _)| paint_of[*source] != UNPAINTED) {
-        project(source as u32, corners.map(|c| clip[c as usize]), size, false, &mut out);
+    let mut out = Vec::with_capacity(triangles.len());
+    for &source in triangles {
+        let corners = mesh.triangles[source as usize];
+        project(source, corners.map(|c| clip[c as usize]), size, false, &mut out);
     }
     out
 }

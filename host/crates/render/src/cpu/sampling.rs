@@ -1,10 +1,10 @@
 //! What a graphics chip provides to shaders: textures and the functions of WGSL.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
-use crate::Picture;
 use crate::contact_shadow::{ContactShadow, SHADOW_SIDE};
 use crate::srgb::linear_from_srgb;
+use crate::{Map, Wrap};
 
 pub(crate) fn saturate(value: f32) -> f32 {
     value.clamp(0.0, 1.0)
@@ -30,33 +30,56 @@ pub(crate) fn shadow_at(shadow: &ContactShadow, texel: Vec2) -> f32 {
     row(0) * (1.0 - share.y) + row(1) * share.y
 }
 
-/// The linear light of each byte of an sRGB texture.
-pub(crate) struct LinearBytes([f32; 256]);
+/// What each byte of a map stands for.
+pub(crate) struct Bytes {
+    srgb: [f32; 256],
+    linear: [f32; 256],
+}
 
-impl LinearBytes {
+impl Bytes {
     pub(crate) fn new() -> Self {
-        Self(std::array::from_fn(|byte| linear_from_srgb(byte as f32 / 255.0)))
+        let linear = std::array::from_fn(|byte| byte as f32 / 255.0);
+        Self { srgb: linear.map(linear_from_srgb), linear }
+    }
+
+    /// `is_srgb`: whether its colours are; opacity is always linear.
+    pub(crate) fn sampler<'a>(&'a self, map: Option<&'a Map>, is_srgb: bool) -> MapSampler<'a> {
+        MapSampler { map, color: if is_srgb { &self.srgb } else { &self.linear }, opacity: &self.linear }
     }
 }
 
-/// A base colour texture: bilinear, repeating, filtered in linear light. White without a texture.
-pub(crate) struct TextureSampler<'a> {
-    pub(crate) texture: Option<&'a Picture>,
-    pub(crate) linear: &'a LinearBytes,
+/// A map: bilinear, filtered in linear light. White without an image.
+pub(crate) struct MapSampler<'a> {
+    map: Option<&'a Map>,
+    color: &'a [f32; 256],
+    opacity: &'a [f32; 256],
 }
 
-impl TextureSampler<'_> {
-    pub(crate) fn sample(&self, uv: Vec2) -> Vec3 {
-        let Some(texture) = &self.texture else { return Vec3::ONE };
-        let (width, height) = (i64::from(texture.width), i64::from(texture.height));
+impl MapSampler<'_> {
+    pub(crate) fn sample(&self, uv: Vec2) -> Vec4 {
+        let Some(Map { picture, wrap }) = self.map else { return Vec4::ONE };
+        let (width, height) = (i64::from(picture.width), i64::from(picture.height));
         let (low, share) = split(uv * Vec2::new(width as f32, height as f32) - 0.5);
         let at = |dx: i64, dy: i64| {
-            let (x, y) = ((low[0] + dx).rem_euclid(width), (low[1] + dy).rem_euclid(height));
+            let (x, y) = (wrapped(low[0] + dx, width, wrap[0]), wrapped(low[1] + dy, height, wrap[1]));
             let start = ((y * width + x) * 4) as usize;
-            Vec3::from([0, 1, 2].map(|channel| self.linear.0[usize::from(texture.rgba[start + channel])]))
+            let texel = |channel: usize| usize::from(picture.rgba[start + channel]);
+            Vec4::new(self.color[texel(0)], self.color[texel(1)], self.color[texel(2)], self.opacity[texel(3)])
         };
-        let row = |dy: i64| mix(at(0, dy), at(1, dy), share.x);
-        mix(row(0), row(1), share.y)
+        let row = |dy: i64| at(0, dy) * (1.0 - share.x) + at(1, dy) * share.x;
+        row(0) * (1.0 - share.y) + row(1) * share.y
+    }
+}
+
+/// The texel that is seen at a place within or outside of the image.
+fn wrapped(at: i64, side: i64, wrap: Wrap) -> i64 {
+    match wrap {
+        Wrap::Repeat => at.rem_euclid(side),
+        Wrap::Mirror => {
+            let along = at.rem_euclid(2 * side);
+            along.min(2 * side - 1 - along)
+        }
+        Wrap::Clamp => at.clamp(0, side - 1),
     }
 }
 
@@ -70,14 +93,24 @@ fn split(place: Vec2) -> ([i64; 2], Vec2) {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::Picture;
+
     #[test]
-    fn texture_repeats_and_survives_nonsense() {
-        let picture = Picture { width: 2, height: 1, rgba: vec![255, 0, 0, 255, 0, 255, 0, 255] };
-        let sampler = TextureSampler { texture: Some(&picture), linear: &LinearBytes::new() };
-        assert_eq!(sampler.sample(Vec2::new(0.25, 0.5)), Vec3::X);
-        assert_eq!(sampler.sample(Vec2::new(-0.25, 7.5)), Vec3::Y);
-        assert_eq!(sampler.sample(Vec2::new(0.5, 0.5)), Vec3::new(0.5, 0.5, 0.0));
-        let _ = sampler.sample(Vec2::new(f32::NAN, f32::INFINITY));
+    fn maps_wrap_and_survive_nonsense() {
+        let picture = Arc::new(Picture { width: 2, height: 1, rgba: vec![255, 0, 0, 255, 0, 255, 0, 0] });
+        let (red, green) = (Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.0, 1.0, 0.0, 0.0));
+        let bytes = Bytes::new();
+        for (wrap, beyond) in [(Wrap::Repeat, green), (Wrap::Mirror, red), (Wrap::Clamp, red)] {
+            let map = Map { picture: picture.clone(), wrap: [wrap, Wrap::Repeat] };
+            let sampler = bytes.sampler(Some(&map), true);
+            assert_eq!(sampler.sample(Vec2::new(0.25, 0.5)), red);
+            assert_eq!(sampler.sample(Vec2::new(-0.25, 7.5)), beyond, "{wrap:?}");
+            assert_eq!(sampler.sample(Vec2::new(0.5, 0.5)), 0.5 * (red + green));
+            let _ = sampler.sample(Vec2::new(f32::NAN, f32::INFINITY));
+        }
+        assert_eq!(bytes.sampler(None, true).sample(Vec2::ZERO), Vec4::ONE);
     }
 }

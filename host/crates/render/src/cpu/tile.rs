@@ -21,22 +21,28 @@ pub(crate) struct Frame<'a> {
     pub(crate) uniforms: &'a Uniforms,
     pub(crate) shadow: &'a ContactShadow,
     pub(crate) mesh: MeshView<'a>,
-    /// For each triangle of the mesh, its index in `paints`, or `UNPAINTED`.
+    /// For each triangle of the mesh, its index in `paints`, or `NO_MATERIAL`.
     pub(crate) paint_of: &'a [u32],
     pub(crate) paints: &'a [mesh::Paint<'a>],
     pub(crate) skin: Vec<ScreenTriangle>,
+    /// Drawn over the skin, the farthest first.
+    pub(crate) blended: Vec<ScreenTriangle>,
     pub(crate) bones: Vec<ScreenTriangle>,
     pub(crate) overlay: &'a [OverlayVertex],
     pub(crate) samples: Samples,
     pub(crate) size: [u32; 2],
 }
 
-/// Indices into `skin` and `bones`, in drawing order.
+/// Indices into `skin`, `blended` and `bones`, in drawing order.
 #[derive(Clone, Default)]
 pub(crate) struct Bin {
     skin: Vec<u32>,
+    blended: Vec<u32>,
     bones: Vec<u32>,
 }
+
+/// For each sample of each pixel, the index of a triangle or `NOTHING`, and the depth.
+type Visible<const S: usize> = (Vec<[u32; S]>, Vec<[f32; S]>);
 
 /// Pixels x0..x1, y0..y1 of a tile.
 #[derive(Clone, Copy)]
@@ -55,6 +61,11 @@ impl Area {
 
     fn width(&self) -> usize {
         self.x[1] - self.x[0]
+    }
+
+    /// The centre of a pixel of the area.
+    fn center(&self, pixel: usize) -> [f32; 2] {
+        [self.x[0] + pixel % self.width(), self.y[0] + pixel / self.width()].map(|corner| corner as f32 + 0.5)
     }
 
     fn pixels(&self) -> usize {
@@ -91,6 +102,7 @@ pub(crate) fn bin(frame: &Frame) -> Vec<Bin> {
         }
     };
     sort(&frame.skin, |bin| &mut bin.skin);
+    sort(&frame.blended, |bin| &mut bin.blended);
     sort(&frame.bones, |bin| &mut bin.bones);
     bins
 }
@@ -120,8 +132,9 @@ impl Frame<'_> {
     }
 
     fn draw<const S: usize>(&self, area: Area, bin: &Bin, samples: &[[f64; 2]; S]) -> Vec<[u8; 4]> {
-        let seen = self.visible(area, bin, samples);
+        let (seen, depths) = self.visible(area, bin, samples);
         let mut light = self.shade(area, &seen);
+        self.blend(area, bin, samples, &depths, &mut light);
         self.draw_bones(area, bin, samples, &mut light);
         let mut pixels = Vec::with_capacity(area.pixels());
         for y in area.y[0]..area.y[1] {
@@ -135,47 +148,83 @@ impl Frame<'_> {
         pixels
     }
 
-    /// The nearest skin triangle at every sample.
-    fn visible<const S: usize>(&self, area: Area, bin: &Bin, samples: &[[f64; 2]; S]) -> Vec<[u32; S]> {
+    /// The nearest skin triangle at every sample, and its depth.
+    fn visible<const S: usize>(&self, area: Area, bin: &Bin, samples: &[[f64; 2]; S]) -> Visible<S> {
         let mut seen = vec![[NOTHING; S]; area.pixels()];
         let mut depths = vec![[1.0_f32; S]; area.pixels()];
         for &index in &bin.skin {
             let triangle = &self.skin[index as usize];
+            let paint = &self.paints[self.paint_of[triangle.source as usize] as usize];
+            let shows = |pixel| !paint.has_holes() || paint.shows(&self.surface(triangle, area.center(pixel)));
             for_samples(triangle, area, samples, |pixel, sample, at| {
                 let depth = triangle.depth(at);
-                if depth < depths[pixel][sample] {
+                if depth < depths[pixel][sample] && shows(pixel) {
                     depths[pixel][sample] = depth;
                     seen[pixel][sample] = index;
                 }
             });
         }
-        seen
+        (seen, depths)
+    }
+
+    /// What is seen of a triangle at a pixel's centre, as with multisampling.
+    fn surface(&self, triangle: &ScreenTriangle, [x, y]: [f32; 2]) -> mesh::Surface {
+        let weights = triangle.source_weights(triangle.coordinates(f64::from(x), f64::from(y)));
+        mesh::interpolate(&self.mesh, triangle.source, triangle.front, weights)
     }
 
     /// The light at every sample; a triangle is shaded once per pixel, at the pixel's centre, as with multisampling.
     fn shade<const S: usize>(&self, area: Area, seen: &[[u32; S]]) -> Vec<[Vec3; S]> {
         let mut light = Vec::with_capacity(seen.len());
         for (pixel, samples) in seen.iter().enumerate() {
-            let x = (area.x[0] + pixel % area.width()) as f32 + 0.5;
-            let y = (area.y[0] + pixel / area.width()) as f32 + 0.5;
+            let center = area.center(pixel);
             let mut colors = [Vec3::ZERO; S];
             for sample in 0..S {
                 let same = samples[..sample].iter().position(|earlier| *earlier == samples[sample]);
                 colors[sample] = match (same, samples[sample]) {
                     (Some(earlier), _) => colors[earlier],
-                    (None, NOTHING) => background::fragment(self.uniforms, self.shadow, [x, y]),
+                    (None, NOTHING) => background::fragment(self.uniforms, self.shadow, center),
                     (None, index) => {
                         let triangle = &self.skin[index as usize];
-                        let weights = triangle.source_weights(triangle.coordinates(f64::from(x), f64::from(y)));
-                        let surface = mesh::interpolate(&self.mesh, triangle.source, triangle.front, weights);
                         let paint = self.paint_of[triangle.source as usize] as usize;
-                        mesh::fragment(self.uniforms, &self.paints[paint], &surface)
+                        mesh::fragment(self.uniforms, &self.paints[paint], &self.surface(triangle, center)).truncate()
                     }
                 };
             }
             light.push(colors);
         }
         light
+    }
+
+    /// Blends what is not opaque over the light behind it.
+    fn blend<const S: usize>(
+        &self,
+        area: Area,
+        bin: &Bin,
+        samples: &[[f64; 2]; S],
+        depths: &[[f32; S]],
+        light: &mut [[Vec3; S]],
+    ) {
+        for &index in &bin.blended {
+            let triangle = &self.blended[index as usize];
+            let paint = &self.paints[self.paint_of[triangle.source as usize] as usize];
+            // The samples of a pixel follow one another.
+            let mut shaded = (usize::MAX, None);
+            for_samples(triangle, area, samples, |pixel, sample, at| {
+                if triangle.depth(at) >= depths[pixel][sample] {
+                    return;
+                }
+                if shaded.0 != pixel {
+                    let surface = self.surface(triangle, area.center(pixel));
+                    let color = paint.shows(&surface).then(|| mesh::fragment(self.uniforms, paint, &surface));
+                    shaded = (pixel, color);
+                }
+                if let Some(color) = shaded.1 {
+                    let below = &mut light[pixel][sample];
+                    *below = below.lerp(color.truncate(), color.w);
+                }
+            });
+        }
     }
 
     fn draw_bones<const S: usize>(&self, area: Area, bin: &Bin, samples: &[[f64; 2]; S], light: &mut [[Vec3; S]]) {

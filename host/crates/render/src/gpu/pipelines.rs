@@ -5,6 +5,8 @@ use wgpu::{
     TextureFormat, VertexBufferLayout, VertexStepMode, vertex_attr_array,
 };
 
+use crate::material::MAPS;
+
 /// Linear light between the passes.
 pub(crate) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
 /// Nearest first, 0 to 1.
@@ -20,6 +22,7 @@ pub(crate) struct Pipelines {
     pub(crate) material_layout: BindGroupLayout,
     pub(crate) background: RenderPipeline,
     pub(crate) mesh: RenderPipeline,
+    pub(crate) blended_mesh: RenderPipeline,
     pub(crate) overlay: RenderPipeline,
     pub(crate) present: RenderPipeline,
 }
@@ -28,7 +31,11 @@ impl Pipelines {
     pub(crate) fn new(device: &wgpu::Device, present_format: TextureFormat, samples: u32) -> Self {
         let frame_layout = layout(device, "frame", &[uniform_entry(0), texture_entry(1), sampler_entry(2)]);
         let texture_layout = layout(device, "texture", &[texture_entry(0), sampler_entry(1)]);
-        let material_layout = layout(device, "material", &[texture_entry(0), sampler_entry(1), uniform_entry(2)]);
+        let maps = 0..MAPS as u32;
+        let samplers = maps.clone().map(|map| sampler_entry(map + MAPS as u32));
+        let material_entries: Vec<_> =
+            maps.map(texture_entry).chain(samplers).chain([uniform_entry(2 * MAPS as u32)]).collect();
+        let material_layout = layout(device, "material", &material_entries);
         let scene_stage = |label, source: &str, buffers, layouts: &[&BindGroupLayout], depth, blend, cull_mode| {
             let source = format!("{COMMON}\n{source}");
             let format = LIGHT_FORMAT;
@@ -44,15 +51,19 @@ impl Pipelines {
             None,
             None,
         );
-        let mesh = scene_stage(
-            "mesh",
-            include_str!("../../shader/mesh.wgsl"),
-            &MESH_BUFFERS,
-            &[&frame_layout, &material_layout],
-            Some((true, CompareFunction::Less)),
-            None,
-            None,
-        );
+        let mesh_stage = |label, writes_depth, blend| {
+            scene_stage(
+                label,
+                include_str!("../../shader/mesh.wgsl"),
+                &MESH_BUFFERS,
+                &[&frame_layout, &material_layout],
+                Some((writes_depth, CompareFunction::Less)),
+                blend,
+                None,
+            )
+        };
+        let mesh = mesh_stage("mesh", true, None);
+        let blended_mesh = mesh_stage("blended mesh", false, Some(BlendState::ALPHA_BLENDING));
         let overlay = scene_stage(
             "overlay",
             include_str!("../../shader/overlay.wgsl"),
@@ -74,7 +85,7 @@ impl Pipelines {
             samples: 1,
         }
         .build(device, &[&texture_layout]);
-        Self { frame_layout, texture_layout, material_layout, background, mesh, overlay, present }
+        Self { frame_layout, texture_layout, material_layout, background, mesh, blended_mesh, overlay, present }
     }
 }
 
@@ -87,7 +98,7 @@ static MESH_BUFFERS: [Option<VertexBufferLayout<'static>>; 5] = [
     Some(column(12, &vertex_attr_array![1 => Float32x3])),
     Some(column(8, &vertex_attr_array![2 => Float32x2])),
     Some(column(4, &vertex_attr_array![3 => Float32])),
-    Some(column(12, &vertex_attr_array![4 => Float32x3])),
+    Some(column(16, &vertex_attr_array![4 => Float32x4])),
 ];
 
 static OVERLAY_BUFFERS: [Option<VertexBufferLayout<'static>>; 1] =

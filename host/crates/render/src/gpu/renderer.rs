@@ -9,7 +9,6 @@ use super::pipelines::{DEPTH_FORMAT, LIGHT_FORMAT, Pipelines};
 use crate::bone_shape::{OverlayVertex, bone_triangles};
 use crate::contact_shadow::{ContactShadow, SHADOW_SIDE};
 use crate::picture::check_size;
-use crate::srgb::linear_from_srgb;
 use crate::uniforms::Uniforms;
 use crate::{Camera, MeshView, RenderError, Samples, Scene};
 
@@ -24,7 +23,6 @@ pub struct Renderer {
     frame_group: wgpu::BindGroup,
     shadow_texture: wgpu::Texture,
     smooth_sampler: wgpu::Sampler,
-    repeating_sampler: wgpu::Sampler,
     materials: Materials,
     positions: GrowingBuffer,
     normals: GrowingBuffer,
@@ -72,8 +70,11 @@ impl Renderer {
             TextureFormat::R8Unorm,
             TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING,
         );
-        let smooth_sampler = sampler(device, wgpu::AddressMode::ClampToEdge);
-        let repeating_sampler = sampler(device, wgpu::AddressMode::Repeat);
+        let smooth_sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..wgpu::SamplerDescriptor::default()
+        });
         let shadow_view = shadow_texture.create_view(&wgpu::TextureViewDescriptor::default());
         let frame_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),
@@ -91,8 +92,7 @@ impl Renderer {
             frame_group,
             shadow_texture,
             smooth_sampler,
-            repeating_sampler,
-            materials: Materials::default(),
+            materials: Materials::new(device),
             positions: vertex("positions"),
             normals: vertex("normals"),
             uv: vertex("texture coordinates"),
@@ -123,7 +123,7 @@ impl Renderer {
         let limit = device.limits().max_texture_dimension_2d;
         check_size(size, limit)?;
         self.upload_mesh(device, queue, &scene.mesh, limit)?;
-        self.materials.write_colors(queue, &scene.mesh, &scene.look);
+        self.materials.prepare(device, queue, &scene.mesh, camera, &scene.look);
         self.shadow.update(&scene.mesh, &scene.ground);
         write_texture(queue, &self.shadow_texture, [SHADOW_SIDE as u32; 2], 1, &self.shadow.texels);
         let uniforms = Uniforms::new(scene, camera, &self.shadow, size);
@@ -182,16 +182,14 @@ impl Renderer {
             Some(uv) => self.uv.write(device, queue, cast_slice(uv)),
             None => self.uv.reserve(device, mesh.positions.len() as u64 * 8),
         }
-        let white = [1.0_f32; 3];
-        let colors: Vec<[f32; 3]> = match mesh.colors {
-            Some(colors) => colors.iter().map(|c| c.map(linear_from_srgb)).collect(),
-            None => vec![white; mesh.positions.len()],
-        };
-        self.colors.write(device, queue, cast_slice(&colors));
+        match mesh.colors {
+            Some(colors) => self.colors.write(device, queue, cast_slice(colors)),
+            None => self.colors.write(device, queue, cast_slice(&vec![[1.0_f32; 4]; mesh.positions.len()])),
+        }
         self.highlight.write(device, queue, &vec![0; mesh.positions.len() * 4]);
         self.highlight_is_zero = true;
         let layout = &self.pipelines.material_layout;
-        self.materials.upload(device, queue, layout, &self.repeating_sampler, mesh);
+        self.materials.upload(device, queue, layout, mesh);
     }
 
     fn make_targets(&self, device: &wgpu::Device, size: [u32; 2]) -> Targets {
@@ -238,17 +236,17 @@ impl Renderer {
         });
         pass.set_bind_group(0, &self.frame_group, &[]);
         if self.materials.has_triangles() {
-            pass.set_pipeline(&self.pipelines.mesh);
             let columns = [&self.positions, &self.normals, &self.uv, &self.highlight, &self.colors];
             for (slot, buffer) in columns.into_iter().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice());
             }
             pass.set_index_buffer(self.indices.slice(), wgpu::IndexFormat::Uint32);
-            self.materials.draw(&mut pass);
+            self.materials.draw_opaque(&mut pass, &self.pipelines);
         }
         // After the character, so that only its visible part is computed.
         pass.set_pipeline(&self.pipelines.background);
         pass.draw(0..3, 0..1);
+        self.materials.draw_blended(&mut pass, &self.pipelines);
         if self.overlay_count > 0 {
             pass.set_pipeline(&self.pipelines.overlay);
             pass.set_vertex_buffer(0, self.overlay.slice());
@@ -274,16 +272,6 @@ pub(crate) fn texture_2d(
         format,
         usage,
         view_formats: &[],
-    })
-}
-
-fn sampler(device: &wgpu::Device, address_mode: wgpu::AddressMode) -> wgpu::Sampler {
-    device.create_sampler(&wgpu::SamplerDescriptor {
-        address_mode_u: address_mode,
-        address_mode_v: address_mode,
-        mag_filter: wgpu::FilterMode::Linear,
-        min_filter: wgpu::FilterMode::Linear,
-        ..wgpu::SamplerDescriptor::default()
     })
 }
 
