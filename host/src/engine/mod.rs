@@ -19,5 +19,6 @@ pub mod pipeline;
 pub mod puppeteer;
 mod run;
 pub mod run_summary;
+mod shaped_skin;
 pub mod sources;
 pub mod take_recorder;

@@ -8,7 +8,6 @@ use std::sync::Arc;
 
 use armature_character::Progress;
 use armature_character::inverse_kinematics::{BoneRole, InverseKinematics};
-use armature_deform::skin::{LinearBlendSkin, Morphs};
 use armature_rig::{
     BoneStatus, Calibration, Ground, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion, PuppetHints,
     RawSample, SensorCalibration, SensorState, SolveError, StreamSolver, ZeroReport,
@@ -16,10 +15,11 @@ use armature_rig::{
 use armature_take::InverseKinematicsHeader;
 use glam::{Affine3A, Quat};
 
+use super::shaped_skin::ShapedSkin;
 use crate::characters::LoadedCharacter;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
-use crate::characters::shapes::{ShapeWeight, set_shapes};
+use crate::characters::shapes::ShapeWeight;
 use crate::failure::Failure;
 
 /// When the rest pose is taken. A part that is plugged in later and was never zeroed is zeroed by itself, unless the
@@ -74,10 +74,7 @@ pub enum Step {
 #[derive(Debug)]
 pub struct Puppeteer {
     character: Arc<LoadedCharacter>,
-    skin: Option<LinearBlendSkin>,
-    /// Shapes that the skin is blended towards, and their weights.
-    morphs: Option<Morphs>,
-    morph_weights: Vec<f32>,
+    skin: ShapedSkin,
     chosen_mapping: Option<Mapping>,
     /// The last proposal and the puppet it was made for.
     proposed: Option<(JointTree, Mapping)>,
@@ -99,8 +96,6 @@ pub struct Puppeteer {
     /// A take that began without inverse kinematics goes on without.
     solves_joints_alone: bool,
     model_from_bone: Vec<Affine3A>,
-    positions: Vec<[f32; 3]>,
-    normals: Vec<[f32; 3]>,
 }
 
 impl Puppeteer {
@@ -111,18 +106,14 @@ impl Puppeteer {
         calibration: Calibration,
         zero_policy: ZeroPolicy,
     ) -> Result<Self, Failure> {
-        let (skin, morphs) = (character.precompute_skin()?, character.precompute_morphs()?);
+        let skin = ShapedSkin::new(&character)?;
         let model_from_bone = character.skeleton.rest_model_from_bone();
-        let (positions, normals) =
-            character.shape.as_ref().map(|s| (s.positions.clone(), s.normals().to_vec())).unwrap_or_default();
         let solver = fresh_solver(&character, calibration);
         Ok(Self {
             inverse_kinematics: None,
             preferences: Vec::new(),
             solves_joints_alone: false,
             missed: 0.0,
-            morph_weights: morphs.as_ref().map(|morphs| morphs.weights().to_vec()).unwrap_or_default(),
-            morphs,
             character,
             skin,
             chosen_mapping: mapping,
@@ -137,8 +128,6 @@ impl Puppeteer {
             solver,
             ground: None,
             model_from_bone,
-            positions,
-            normals,
         })
     }
 
@@ -363,23 +352,14 @@ impl Puppeteer {
             self.missed = self.missed.max(ik.worst_pin());
         }
         pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
-        self.pose_skin()?;
+        self.skin.pose(&self.model_from_bone)?;
         Ok(Step::Posed { zeroed })
-    }
-
-    fn pose_skin(&mut self) -> Result<(), Failure> {
-        let Some(skin) = &mut self.skin else { return Ok(()) };
-        skin.solve(&self.model_from_bone, &mut self.positions, &mut self.normals)
-            .map_err(|e| Failure::not_converged(e.to_string(), "zero the puppet again"))
     }
 
     /// Blends the character towards one of its shapes, now and from now on.
     pub fn set_shape(&mut self, shape: &ShapeWeight) -> Result<(), Failure> {
-        set_shapes(&self.character, &mut self.morph_weights, std::slice::from_ref(shape))?;
-        let (Some(morphs), Some(skin)) = (&mut self.morphs, &mut self.skin) else { return Ok(()) };
-        let blended = morphs.solve(&self.morph_weights).and_then(|_| skin.set_rest(morphs));
-        blended.map_err(|e| Failure::input(e.to_string(), "choose a weight between 0 and 1"))?;
-        self.pose_skin()
+        self.skin.set_shape(&self.character, shape)?;
+        self.skin.pose(&self.model_from_bone)
     }
 
     fn zero_if_wanted(&mut self, sample: &RawSample) -> Result<Option<ZeroReport>, Failure> {
@@ -467,7 +447,7 @@ impl Puppeteer {
 
     /// The skinned positions and unit normals of the latest pose; empty for a character without a mesh.
     pub fn skinned(&self) -> (&[[f32; 3]], &[[f32; 3]]) {
-        (&self.positions, &self.normals)
+        self.skin.posed()
     }
 }
 

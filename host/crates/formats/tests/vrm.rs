@@ -113,7 +113,8 @@ fn avatars_of_the_old_version_are_turned_to_look_the_same_way() {
             (half_round * new_head - old_head).length() < 1e-6 && (half_round * new_tail - old_tail).length() < 1e-6
         );
     }
-    assert_eq!(old.morph_targets[0].positions[1], new.morph_targets[0].positions[1].map(|c| 0.0 - c));
+    let [was, is] = [&new, &old].map(|model| model.morph_targets[0].positions[1]);
+    assert_eq!(is.map(f32::to_bits), was.map(|c| (0.0 - c).to_bits()));
 }
 
 #[test]

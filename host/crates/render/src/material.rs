@@ -6,12 +6,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4};
 
 use crate::srgb::linear_from_srgb;
-use crate::{Look, Picture, RenderError};
+use crate::{Picture, RenderError};
 
 /// A metallic-roughness material, as in glTF. Its numbers are linear light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Red, green, blue and opacity, 0 to 1; multiplies the map. `None`: [`Look::clay`] (white if there is a map).
+    /// Red, green, blue and opacity, 0 to 1; multiplies the map. `None`: that of [`clay`](crate::Look::clay) (white if there is a map).
     pub base_color: Option<[f32; 4]>,
     /// Base colour (sRGB) and opacity.
     pub base_color_map: Option<Map>,
@@ -149,10 +149,10 @@ pub(crate) struct MaterialUniforms {
 }
 
 impl MaterialUniforms {
-    /// `has_maps`: whether the mesh has texture coordinates.
-    pub(crate) fn new(material: &Material, look: &Look, has_maps: bool) -> Self {
+    /// `clay`: sRGB, for what has no colour of its own. `has_maps`: whether the mesh has texture coordinates.
+    pub(crate) fn new(material: &Material, clay: [f32; 3], has_maps: bool) -> Self {
         let maps = material.maps().map(|map| map.is_some() && has_maps);
-        let plain = if maps[0] { Vec4::ONE } else { Vec3::from(look.clay.map(linear_from_srgb)).extend(1.0) };
+        let plain = if maps[0] { Vec4::ONE } else { Vec3::from(clay.map(linear_from_srgb)).extend(1.0) };
         let cutoff = if let Alpha::Mask { cutoff } = material.alpha { cutoff - ROUNDING } else { -1.0 };
         let flag = |set: bool| f32::from(u8::from(set));
         Self {

@@ -210,8 +210,8 @@ impl MeshView<'_> {
 
     /// What shaders read of each material.
     pub(crate) fn material_uniforms(&self, look: &Look) -> impl Iterator<Item = MaterialUniforms> {
-        let (look, has_maps) = (*look, self.uv.is_some());
-        self.drawn_materials().iter().map(move |material| MaterialUniforms::new(material, &look, has_maps))
+        let (clay, has_maps) = (look.clay, self.uv.is_some());
+        self.drawn_materials().iter().map(move |material| MaterialUniforms::new(material, clay, has_maps))
     }
 
     /// Sorts triangles, given with their distances, for blending: the farthest first.

@@ -158,11 +158,14 @@ fn read_material(
     })
 }
 
+/// The number of an image in the file, and what is beside it.
+type ImageUse = (usize, [Wrap; 2]);
+
 /// Images by their number in the file.
 struct Images<'d> {
     document: &'d Document<'d>,
     resolver: Resolver<'d>,
-    fetched: Vec<((usize, [Wrap; 2]), Option<Arc<Texture>>)>,
+    fetched: Vec<(ImageUse, Option<Arc<Texture>>)>,
 }
 
 impl Images<'_> {
@@ -192,11 +195,7 @@ impl Images<'_> {
         }))
     }
 
-    fn fetch(
-        &self,
-        (number, wrap): (usize, [Wrap; 2]),
-        warnings: &mut Vec<String>,
-    ) -> Result<Option<Arc<Texture>>, FormatError> {
+    fn fetch(&self, (number, wrap): ImageUse, warnings: &mut Vec<String>) -> Result<Option<Arc<Texture>>, FormatError> {
         let Some(image) = self.document.root.images.get(number) else {
             warnings.push("The texture is ignored: its image format needs an extension.".to_owned());
             return Ok(None);
