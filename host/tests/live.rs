@@ -13,8 +13,14 @@ use armature::engine::drive::drive;
 use armature::engine::event::EngineEvent;
 use armature::engine::link::{AppLink, link};
 use armature::engine::machine::{Engine, EngineSettings};
+use armature::engine::playback::Play;
 use armature::engine::sources::{LiveSettings, LiveSource};
+use armature::files::Overwrite;
+use armature::takes::exports::Target;
+use armature::takes::orders::ExportOrder;
+use armature_rig::{Calibration, PartUid, RawSample, SensorState, propose, skeleton_puppet};
 use armature_sim::serve::{Background, Options, Place, ServeSettings};
+use armature_take::{Edit, EditList, FrameRate, Header, TakeWriter};
 
 /// Long enough for a loaded machine, and shorter than it takes to give up on a connection.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -132,4 +138,71 @@ fn a_puppet_moves_the_character_is_given_up_and_connected_again() {
     desk.close();
     let report = served.finish().unwrap();
     println!("{report:?}");
+}
+
+/// A folder with a skeleton and a take of it, of two seconds.
+fn takes() -> (PathBuf, PathBuf) {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("live-takes");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let figure = folder.join("bones.bvh");
+    std::fs::copy(bones(), &figure).unwrap();
+    let skeleton = armature::files::inputs::skeleton(&figure).unwrap();
+    let (tree, _) = skeleton_puppet(&skeleton, 4096, |part| PartUid([part as u8 + 1; 12])).unwrap();
+    let sample = |step: u16| RawSample {
+        device_micros: 10_000 * u64::from(step),
+        sequence: step.into(),
+        epoch: 0,
+        counts: vec![2048 + step; tree.sensor_count()],
+        states: vec![SensorState::Ok; tree.sensor_count()],
+    };
+    let mut calibration = Calibration::for_tree(&tree);
+    calibration.zero(&tree, &sample(0)).unwrap();
+    let header = Header { character_name: "bones.bvh".into(), ..Header::default() };
+    let mut writer = TakeWriter::new(Vec::new(), &header).unwrap();
+    writer.skeleton(&skeleton).unwrap();
+    writer.topology(0, &tree).unwrap();
+    writer.calibration(&calibration).unwrap();
+    writer.mapping(&propose(&tree, &skeleton).mapping).unwrap();
+    (0..=200).for_each(|step| writer.sample(&sample(step), None).unwrap());
+    let take = folder.join("walk.take");
+    std::fs::write(&take, writer.finish().unwrap()).unwrap();
+    (folder, take)
+}
+
+#[test]
+fn a_take_is_opened_played_trimmed_exported_and_thrown_away() {
+    let (folder, take) = takes();
+    let mut desk = Desk::open();
+    desk.ask(Command::OpenTake(folder.join("none.take")));
+    desk.hears("problem", |event| matches!(event, EngineEvent::Problem(p) if p.what.contains("none.take")));
+    desk.ask(Command::OpenTake(take.clone()));
+    desk.hears("take", |event| {
+        matches!(event, EngineEvent::TakeOpened(take) if (take.span().1 - 2.0).abs() < 1e-9 && take.character.name == "bones.bvh")
+    });
+    desk.ask(Command::Play(Play::Start));
+    desk.hears("motion", |event| matches!(event, EngineEvent::Playback(now) if now.playing && now.seconds > 0.05));
+    let mut list = EditList::new("walk.take");
+    list.add([Edit::Trim { from: 0.5, to: 1.5 }]);
+    desk.ask(Command::EditTake(list.clone()));
+    desk.hears(
+        "trimmed take",
+        |event| matches!(event, EngineEvent::TakeOpened(take) if (take.span().1 - 1.0).abs() < 1e-9),
+    );
+    assert_eq!(EditList::read(&std::fs::read_to_string(folder.join("walk.edit")).unwrap()).unwrap(), list);
+    let to = folder.join("Exports").join("walk.bvh");
+    let (rate, overwrite) = (FrameRate::whole(24).unwrap(), Overwrite::default());
+    let order = ExportOrder { take: take.clone(), target: Target::Bvh, rate, range: None, to, overwrite };
+    desk.ask(Command::Export(order.clone()));
+    desk.hears(
+        "export",
+        |event| matches!(event, EngineEvent::Exported(made) if made.contents.starts_with("25 frames")),
+    );
+    assert!(std::fs::read_to_string(&order.to).unwrap().contains("Frames: 25"));
+    desk.ask(Command::Export(order));
+    desk.hears("refusal", |event| matches!(event, EngineEvent::Problem(p) if p.what.contains("already there")));
+    desk.ask(Command::Discard(take.clone()));
+    desk.hears("bin", |event| matches!(event, EngineEvent::Discarded { path } if path.exists()));
+    assert!(!take.exists() && folder.join("Bin").join("walk.edit").exists());
+    desk.close();
 }

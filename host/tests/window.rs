@@ -13,7 +13,11 @@ use armature::app::{Start, Window};
 use armature::engine::command::{CharacterChoice, Command};
 use armature::engine::event::{EngineEvent, FoundDevice, Problem};
 use armature::engine::link::{EngineLink, link};
+use armature::engine::playback::{Play, Playback};
+use armature::takes::library::{Library, ListedTake};
+use armature::takes::orders::ExportReceipt;
 use armature_rig::CalibrationStep;
+use armature_take::{Edit, EditList};
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
@@ -112,7 +116,8 @@ fn connected() -> Stage {
 #[test]
 fn an_empty_window_teaches_what_to_do() {
     let mut stage = Stage::open(Start::default());
-    assert_eq!(stage.commands(), [Command::ListDevices, Command::LoadCharacter(CharacterChoice::BuiltIn("human"))]);
+    let human = Command::LoadCharacter(CharacterChoice::BuiltIn("human"));
+    assert_eq!(stage.commands(), [Command::ListDevices, Command::ListTakes, human]);
     assert!(stage.sees("Start a simulated one above"));
     stage.tell([EngineEvent::Busy { task: "Making the human".into(), fraction: Some(0.4) }]);
     assert!(stage.sees("Making the human"));
@@ -361,4 +366,162 @@ fn waiting_and_working_draw_little() {
     stage.tell([EngineEvent::Busy { task: "Computing weights".into(), fraction: Some(0.4) }]);
     let busy = until_next_frame(&mut stage);
     assert!(busy >= Duration::from_millis(200), "the work needs the processor: {busy:?}");
+}
+
+fn library() -> Library {
+    let take = |name: &str, seconds: f64, rating, note: &str| ListedTake {
+        path: format!("/home/kim/takes/{name}.take").into(),
+        seconds,
+        samples: (seconds * 250.0) as u64,
+        rating,
+        note: note.into(),
+        ..ListedTake::default()
+    };
+    let broken = ListedTake { trouble: Some("it ends within its header".into()), ..take("human-4", 0.0, 0, "") };
+    let lossy = ListedTake { lost: 31, edited: true, ..take("human-2", 12.25, 0, "") };
+    let takes = vec![broken, take("walk", 2.0, 4, "good start, late end"), lossy];
+    Library { folder: "/home/kim/takes".into(), takes, bin: vec![take("human", 3.1, 0, "")] }
+}
+
+/// A window with a list of takes, one of which is open.
+fn with_take() -> (Stage, Arc<armature::characters::LoadedCharacter>) {
+    let mut stage = connected();
+    let character = stage.harness.state().state().character.clone().expect("the puppet's");
+    let take = puppets::take(&character, EditList::new("walk.take"));
+    stage.tell([
+        EngineEvent::Takes(Arc::new(library())),
+        EngineEvent::TakeOpened(take),
+        EngineEvent::Playback(Playback { seconds: 0.62, ..Playback::default() }),
+    ]);
+    stage.commands();
+    (stage, character)
+}
+
+#[test]
+fn from_the_first_run_to_an_exported_take() {
+    let mut stage = Stage::open(Start::default());
+    let character = Arc::new(puppets::character());
+    stage.tell([EngineEvent::CharacterLoaded(character.clone())]);
+    stage.commands();
+    stage.click("Connect");
+    assert_eq!(stage.commands(), [Command::Connect("sim:human".into())], "one click to a moving character");
+    stage.tell([
+        EngineEvent::Connected { address: "sim:human".into(), device: "Armature simulator 1.0".into() },
+        EngineEvent::Topology { tree: puppets::tree() },
+        EngineEvent::Mapping { bone_of_part: puppets::mapping(), solved: Vec::new() },
+        EngineEvent::Frame(puppets::frame(&character)),
+    ]);
+    stage.click("Record");
+    stage.tell([EngineEvent::Recording { seconds: 1.9, samples: 475 }]);
+    stage.click("Stop");
+    assert_eq!(stage.commands(), [Command::StartRecording, Command::StopRecording]);
+    let path = std::path::PathBuf::from("/home/kim/takes/walk.take");
+    stage.tell([
+        EngineEvent::Saved { path: path.clone(), seconds: 2.0, samples: 171, lost: 0 },
+        EngineEvent::Takes(Arc::new(library())),
+    ]);
+    stage.click("Open the take");
+    assert_eq!(stage.commands(), [Command::OpenTake(path.clone())]);
+    stage.tell([
+        EngineEvent::TakeOpened(puppets::take(&character, EditList::new("walk.take"))),
+        EngineEvent::Playback(Playback::default()),
+    ]);
+    stage.press(Key::Space);
+    assert_eq!(stage.commands(), [Command::Play(Play::Start)]);
+    stage.tell([EngineEvent::Playback(Playback { seconds: 0.4, playing: true, ..Playback::default() })]);
+    stage.press(Key::I);
+    let range = Some((0.4, 2.0));
+    assert_eq!(stage.commands(), [Command::Play(Play::Range(range))]);
+    stage.tell([EngineEvent::Playback(Playback { seconds: 0.4, range, ..Playback::default() })]);
+    stage.press_with(Modifiers::COMMAND, Key::T);
+    let mut list = EditList::new("walk.take");
+    list.add([Edit::Trim { from: 0.4, to: 2.0 }]);
+    assert_eq!(stage.commands(), [Command::EditTake(list.clone())]);
+    stage.tell([
+        EngineEvent::TakeOpened(puppets::take(&character, list)),
+        EngineEvent::Playback(Playback { seconds: 0.3, ..Playback::default() }),
+    ]);
+    assert!(stage.sees("walk, 1 edit"));
+    stage.snapshot("14-trimmed");
+    stage.press_with(Modifiers::COMMAND, Key::E);
+    stage.snapshot("15-export");
+    stage.click("Export");
+    let asked = stage.commands();
+    let [Command::Export(order)] = &asked[..] else { panic!("{asked:?}") };
+    assert_eq!((order.to.display().to_string(), &order.take), ("/home/kim/takes/Exports/walk.glb".into(), &path));
+    stage.tell([EngineEvent::Exported(ExportReceipt {
+        path: order.to.clone(),
+        contents: "39 frames at 24 a second, 15 bones, 412 408 bytes".into(),
+        measured: "85.5 samples a second, 30 lost, a gap of 0.310 s".into(),
+        notes: vec!["no samples between 0.590 s and 0.900 s: the pose before is held there".into()],
+    })]);
+    assert!(stage.sees("Exported: walk.glb") && stage.sees("No samples between"));
+    stage.snapshot("16-exported");
+}
+
+#[test]
+fn takes_are_opened_rated_and_thrown_away_with_a_way_back() {
+    let (mut stage, _) = with_take();
+    stage.click("Open human-2");
+    assert_eq!(stage.commands(), [Command::OpenTake("/home/kim/takes/human-2.take".into())]);
+    stage.click("Open human-4");
+    assert_eq!(stage.commands(), [], "what cannot be read is not opened");
+    stage.click("5 of 5 for human-2");
+    let (take, note) = ("/home/kim/takes/human-2.take".into(), String::new());
+    assert_eq!(stage.commands(), [Command::Annotate { take, note, rating: 5 }]);
+    stage.press(Key::Delete);
+    assert_eq!(stage.commands(), [Command::Discard("/home/kim/takes/walk.take".into())]);
+    let binned = std::path::PathBuf::from("/home/kim/takes/Bin/walk.take");
+    stage.tell([EngineEvent::TakeClosed, EngineEvent::Discarded { path: binned.clone() }]);
+    stage.snapshot("17-bin");
+    stage.click("Bring it back");
+    assert_eq!(stage.commands(), [Command::Restore(binned)]);
+    stage.click("Bin (1)");
+    stage.click("Restore");
+    assert_eq!(stage.commands(), [Command::Restore("/home/kim/takes/human.take".into())]);
+}
+
+#[test]
+fn the_timeline_is_scrubbed_marked_and_armed() {
+    let (mut stage, character) = with_take();
+    stage.snapshot("18-timeline");
+    let ruler = stage.harness.get_by_label("Time").rect();
+    stage.click_at(pos2(ruler.right() - 10.0, ruler.center().y));
+    let asked = stage.commands();
+    let Some(Command::Play(Play::Seek(end))) = asked.first() else { panic!("{asked:?}") };
+    assert!((end - 2.0).abs() < 0.02, "the end of the take: {end}");
+    stage.press(Key::M);
+    let mut marked = EditList::new("walk.take");
+    marked.add([Edit::Marker { at: 0.62, text: "Marker 1".into() }]);
+    assert_eq!(stage.commands(), [Command::EditTake(marked.clone())]);
+    stage.tell([EngineEvent::TakeOpened(puppets::take(&character, marked.clone()))]);
+    stage.press_with(Modifiers::COMMAND, Key::Z);
+    assert_eq!(stage.commands(), [Command::EditTake(EditList::new("walk.take"))], "it is taken back");
+    stage.tell([EngineEvent::TakeOpened(puppets::take(&character, EditList::new("walk.take")))]);
+    stage.press_with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
+    assert_eq!(stage.commands(), [Command::EditTake(marked)], "and brought back");
+    stage.harness.get_all_by_label("Arm spine").next().expect("a limb").click();
+    stage.harness.run_steps(2);
+    stage.press(Key::R);
+    assert_eq!(stage.commands(), [Command::Overdub { bones: vec!["spine".into()] }]);
+    for (key, play) in [(Key::ArrowLeft, Play::Step { forward: false }), (Key::L, Play::Loop(false))] {
+        stage.press(key);
+        assert_eq!(stage.commands(), [Command::Play(play)]);
+    }
+    stage.click("Close the take");
+    assert_eq!(stage.commands(), [Command::CloseTake]);
+}
+
+#[test]
+fn panels_fit_small_and_large_windows() {
+    for (width, height) in [(1000.0, 650.0), (1600.0, 1000.0)] {
+        let (mut stage, _) = with_take();
+        stage.harness.set_size(Vec2::new(width, height));
+        stage.harness.run_steps(6);
+        for label in ["Play", "Trim", "Export…", "Record", "Open walk", "Close the take"] {
+            let rect = stage.harness.get_by_label(label).rect();
+            assert!(rect.right() <= width + 1.0 && rect.bottom() <= height + 1.0, "{label} at {width}: {rect}");
+        }
+        stage.snapshot(&format!("19-take-{width}"));
+    }
 }

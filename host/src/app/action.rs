@@ -1,11 +1,17 @@
 //! What the user at the window asks for, and as much of it as the window does itself.
 
+use std::path::PathBuf;
+
 use armature_rig::{CalibrationStep, PartUid};
+use armature_take::Edit;
 
 use super::controls::Controls;
-use super::state::{Connection, Overlay, State};
+use super::desk::ExportForm;
+use super::state::{Connection, Listed, Overlay, State};
 use crate::engine::command::{CharacterChoice, Command};
 use crate::engine::event::Problem;
+use crate::engine::playback::Play;
+use crate::takes::orders::ExportOrder;
 
 /// What the user at the window asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +32,75 @@ pub enum Action {
     Record,
     /// Finish the take.
     StopRecording,
+    /// Put the take being recorded, or the last one, into the bin and start another.
+    RecordAgain,
+    /// How long to wait before a take begins, seconds.
+    Countdown(u8),
+    /// Look at the folder of takes.
+    ListTakes,
+    /// Open a take.
+    OpenTake(PathBuf),
+    /// Show the puppet again.
+    CloseTake,
+    /// Play or pause.
+    TogglePlay,
+    /// Go to the next or the former pose.
+    Step {
+        /// Whether to the next one.
+        forward: bool,
+    },
+    /// Go to the start or the end.
+    GoTo {
+        /// Whether to the end.
+        end: bool,
+    },
+    /// Begin again at the end, or not.
+    ToggleLoop,
+    /// Move the playhead, or change how it moves.
+    Play(Play),
+    /// The in point is here.
+    SetIn,
+    /// The out point is here.
+    SetOut,
+    /// Without in and out points.
+    ClearRange,
+    /// A marker is here.
+    Mark,
+    /// Keep only what is between the in and the out point.
+    Trim,
+    /// Take the last edit of the open take back.
+    UndoEdit,
+    /// Bring an edit back that was taken back.
+    RedoEdit,
+    /// Record a bone and what is below it over the open take, or not.
+    Arm(String),
+    /// Keep a note and a rating of a take.
+    Annotate {
+        /// Its file.
+        take: PathBuf,
+        /// The note.
+        note: String,
+        /// 0 for none.
+        rating: u8,
+    },
+    /// Put a take into the bin.
+    Discard(PathBuf),
+    /// Put the open take into the bin.
+    DiscardOpen,
+    /// Take one out of it.
+    Restore(PathBuf),
+    /// Ask how to export the open take.
+    ShowExport,
+    /// Write it.
+    Export(ExportOrder),
+    /// Show a folder in the system's file manager.
+    ShowFolder(PathBuf),
+    /// List joints or takes on the left.
+    List(Listed),
+    /// Close the card of the last export.
+    DismissExported,
+    /// Close the card of the take in the bin.
+    DismissDiscarded,
     /// Show another character.
     Load(CharacterChoice),
     /// Choose a file with a character.
@@ -80,16 +155,74 @@ impl State {
             Action::ListDevices => Some(Command::ListDevices),
             Action::Zero => self.can_calibrate().is_ok().then_some(Command::Zero),
             Action::Calibrate(step) => self.can_calibrate().is_ok().then_some(Command::Calibrate(step)),
-            Action::Record => self.can_record().is_ok().then_some(Command::StartRecording),
+            Action::Record => self.can_record().is_ok().then(|| self.begin_to_record()),
             Action::StopRecording => self.recording.is_some().then_some(Command::StopRecording),
             Action::Load(choice) => self.can_change_character().is_ok().then_some(Command::LoadCharacter(choice)),
             Action::Blink(uid) => self.is_live().then_some(Command::Blink(uid)),
-            Action::Cancel => self.busy.is_some().then_some(Command::Cancel),
+            Action::Cancel => (self.busy.is_some() || self.desk.counting.is_some()).then_some(Command::Cancel),
+            action => self.act_on_takes(action),
+        }
+    }
+
+    /// At once or after a countdown, alone or over the open take.
+    fn begin_to_record(&self) -> Command {
+        let bones: Vec<String> = self.desk.armed.iter().cloned().collect();
+        match self.desk.countdown {
+            _ if self.desk.open.is_some() && !bones.is_empty() => Command::Overdub { bones },
+            0 => Command::StartRecording,
+            seconds => Command::RecordAfter(f64::from(seconds)),
+        }
+    }
+
+    fn act_on_takes(&mut self, action: Action) -> Option<Command> {
+        let now = self.desk.playback.seconds;
+        match action {
+            Action::RecordAgain => self.live().is_ok().then_some(Command::RecordAgain),
+            Action::ListTakes => Some(Command::ListTakes),
+            Action::OpenTake(path) => self.can_open().is_ok().then_some(Command::OpenTake(path)),
+            Action::CloseTake => self.desk.open.is_some().then_some(Command::CloseTake),
+            Action::TogglePlay => self.play(if self.desk.playback.playing { Play::Pause } else { Play::Start }),
+            Action::Step { forward } => self.play(Play::Step { forward }),
+            Action::GoTo { end } => {
+                let (first, last) = self.desk.open.as_ref()?.span();
+                let (from, to) = self.desk.playback.range.unwrap_or((first, last));
+                self.play(Play::Seek(if end { to } else { from }))
+            }
+            Action::ToggleLoop => self.play(Play::Loop(!self.desk.playback.looping)),
+            Action::Play(play) => self.play(play),
+            Action::SetIn => self.play(Play::Range(self.desk.range_with(Some(now), None))),
+            Action::SetOut => self.play(Play::Range(self.desk.range_with(None, Some(now)))),
+            Action::ClearRange => self.play(Play::Range(None)),
+            Action::Mark => {
+                self.can_edit().ok()?;
+                let number = self.desk.open.as_ref()?.markers.len() + 1;
+                let text = format!("Marker {number}");
+                self.desk.with(Edit::Marker { at: now, text }).map(Command::EditTake)
+            }
+            Action::Trim => {
+                self.can_trim().ok()?;
+                let (from, to) = self.desk.playback.range?;
+                self.desk.with(Edit::Trim { from, to }).map(Command::EditTake)
+            }
+            Action::UndoEdit => self.can_undo().ok().and_then(|()| self.desk.without_last()).map(Command::EditTake),
+            Action::RedoEdit => self.can_redo().ok().and_then(|()| self.desk.with_undone()).map(Command::EditTake),
+            Action::Annotate { take, note, rating } => Some(Command::Annotate { take, note, rating }),
+            Action::Discard(path) => Some(Command::Discard(path)),
+            Action::DiscardOpen => {
+                self.can_edit().ok()?;
+                self.desk.open.as_ref().map(|open| Command::Discard(open.path.clone()))
+            }
+            Action::Restore(path) => Some(Command::Restore(path)),
+            Action::Export(order) => Some(Command::Export(order)),
             action => {
                 self.act_alone(action);
                 None
             }
         }
+    }
+
+    fn play(&self, play: Play) -> Option<Command> {
+        self.can_play().is_ok().then_some(Command::Play(play))
     }
 
     /// What needs no engine.
@@ -102,12 +235,25 @@ impl State {
             Action::Follow(controls) => self.controls = controls,
             Action::Toggle(overlay) => self.overlay = (self.overlay != Some(overlay)).then_some(overlay),
             Action::Back if self.overlay.is_some() => self.overlay = None,
+            Action::Back if self.desk.export.is_some() => self.desk.export = None,
             Action::Back => self.selected = None,
             Action::Explain(why) => self.explanation = Some(why),
             Action::Report(problem) => self.note(problem, false),
             Action::DismissNotice(index) => self.dismiss_notice(index),
             Action::DismissZeroed => self.zeroed = None,
             Action::DismissSaved => self.saved = None,
+            Action::DismissExported => self.desk.exported = None,
+            Action::DismissDiscarded => self.desk.discarded = None,
+            Action::Countdown(seconds) => self.desk.countdown = seconds,
+            Action::Arm(bone) if !self.desk.armed.remove(&bone) => {
+                self.desk.armed.insert(bone);
+            }
+            Action::ShowExport => {
+                let has_range = self.desk.playback.range.is_some();
+                self.desk.export = self.desk.open.as_ref().map(|open| ExportForm::new(open.path.clone(), has_range));
+            }
+            Action::ShowFolder(folder) => self.wishes.folder = Some(folder),
+            Action::List(listed) => self.listed = listed,
             _ => {}
         }
     }
@@ -143,6 +289,39 @@ impl State {
     /// Whether another character may be shown.
     pub fn can_change_character(&self) -> Result<(), &'static str> {
         self.not_recording()
+    }
+
+    /// Whether a take may be opened.
+    pub fn can_open(&self) -> Result<(), &'static str> {
+        self.not_recording()
+    }
+
+    /// Whether there is a take to play.
+    pub fn can_play(&self) -> Result<(), &'static str> {
+        if self.desk.open.is_none() { Err("Open a take first") } else { self.not_recording() }
+    }
+
+    /// Whether the open take can be edited.
+    pub fn can_edit(&self) -> Result<(), &'static str> {
+        self.can_play()
+    }
+
+    /// Whether there is a part of the open take to keep.
+    pub fn can_trim(&self) -> Result<(), &'static str> {
+        self.can_edit()?;
+        self.desk.playback.range.map(|_| ()).ok_or("Set an in and an out point first")
+    }
+
+    /// Whether an edit can be taken back.
+    pub fn can_undo(&self) -> Result<(), &'static str> {
+        self.can_edit()?;
+        if self.desk.can_undo() { Ok(()) } else { Err("The open take has no edit") }
+    }
+
+    /// Whether an edit can be brought back.
+    pub fn can_redo(&self) -> Result<(), &'static str> {
+        self.can_edit()?;
+        if self.desk.can_redo() { Ok(()) } else { Err("No edit was taken back") }
     }
 
     /// Whether poses arrive, and otherwise why not.

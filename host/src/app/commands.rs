@@ -8,7 +8,8 @@ use eframe::egui::{Context, Event, Key, KeyboardShortcut, Modifiers};
 
 use super::action::Action;
 use super::controls::Controls;
-use super::state::{Overlay, State};
+use super::desk::COUNTDOWNS;
+use super::state::{Listed, Overlay, State};
 use crate::characters::OWN;
 use crate::engine::command::CharacterChoice;
 
@@ -63,6 +64,10 @@ fn plain(key: Key) -> KeyboardShortcut {
 
 fn shift(key: Key) -> KeyboardShortcut {
     KeyboardShortcut::new(Modifiers::SHIFT, key)
+}
+
+fn alt(key: Key) -> KeyboardShortcut {
+    KeyboardShortcut::new(Modifiers::ALT, key)
 }
 
 fn command(key: Key) -> KeyboardShortcut {
@@ -154,10 +159,85 @@ fn puppet() -> Vec<Entry> {
 
 fn takes() -> Vec<Entry> {
     let take = |action, text, tip| entry(Menu::Take, action, text, tip);
-    vec![
-        take(Action::Record, "Record", "Record a take").keys([plain(Key::R)]).when(State::can_record),
+    let mut table = vec![
+        take(Action::Record, "Record", "Record a take, or the armed limbs over the open one")
+            .keys([plain(Key::R)])
+            .when(State::can_record),
         take(Action::StopRecording, "Stop", "Finish the take and save it").keys([shift(Key::R)]).when(State::recorded),
-    ]
+        take(
+            Action::RecordAgain,
+            "Record again",
+            "Put the take being recorded, or the last one, into the bin and start another",
+        )
+        .keys([shift(Key::Backspace)])
+        .when(State::live),
+        take(Action::TogglePlay, "Play or pause", "Play the open take, or stand still")
+            .keys([plain(Key::Space)])
+            .for_users_of(Controls::Maya, [alt(Key::V)])
+            .when(State::can_play)
+            .on(|state| state.desk.playback.playing),
+        take(Action::GoTo { end: false }, "To the start", "Or to the in point")
+            .keys([plain(Key::Home)])
+            .for_users_of(Controls::Blender, [shift(Key::ArrowLeft)])
+            .when(State::can_play),
+        take(Action::Step { forward: false }, "One pose back", "And stand still")
+            .keys([plain(Key::ArrowLeft)])
+            .for_users_of(Controls::Maya, [alt(Key::Comma)])
+            .when(State::can_play),
+        take(Action::Step { forward: true }, "One pose on", "And stand still")
+            .keys([plain(Key::ArrowRight)])
+            .for_users_of(Controls::Maya, [alt(Key::Period)])
+            .when(State::can_play),
+        take(Action::GoTo { end: true }, "To the end", "Or to the out point")
+            .keys([plain(Key::End)])
+            .for_users_of(Controls::Blender, [shift(Key::ArrowRight)])
+            .when(State::can_play),
+        take(Action::ToggleLoop, "Loop", "Begin again at the end")
+            .keys([plain(Key::L)])
+            .when(State::can_play)
+            .on(|state| state.desk.playback.looping),
+        take(Action::SetIn, "In", "The part to keep or export begins at the playhead")
+            .keys([plain(Key::I)])
+            .when(State::can_play),
+        take(Action::SetOut, "Out", "The part to keep or export ends at the playhead")
+            .keys([plain(Key::O)])
+            .when(State::can_play),
+        take(Action::ClearRange, "Without in and out", "Play and export the whole take again")
+            .keys([shift(Key::I)])
+            .when(State::can_trim),
+        take(Action::Mark, "Mark", "Put a marker at the playhead").keys([plain(Key::M)]).when(State::can_edit),
+        take(Action::Trim, "Trim", "Keep only what is between the in and the out point; the recording stays as it is")
+            .keys([command(Key::T)])
+            .when(State::can_trim),
+        take(Action::UndoEdit, "Undo the last edit", "Take the open take's last edit back")
+            .keys([command(Key::Z)])
+            .when(State::can_undo),
+        take(Action::RedoEdit, "Redo", "Bring back the edit that was taken back last")
+            .keys([KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z)])
+            .when(State::can_redo),
+        take(Action::ShowExport, "Export…", "Write the take for another program")
+            .keys([command(Key::E)])
+            .when(State::can_play),
+        take(Action::DiscardOpen, "Discard", "Put the open take into the bin")
+            .keys([plain(Key::Delete)])
+            .when(State::can_edit),
+        take(Action::CloseTake, "Back to the puppet", "Close the take").keys([command(Key::W)]).when(State::can_play),
+    ];
+    let waits = [
+        ("Record at once", "Without a countdown"),
+        ("Record after 3 s", "With a countdown"),
+        ("Record after 5 s", "With a countdown"),
+        ("Record after 10 s", "With a countdown"),
+    ];
+    let on: [fn(&State) -> bool; 4] = [
+        |state| state.desk.countdown == COUNTDOWNS[0],
+        |state| state.desk.countdown == COUNTDOWNS[1],
+        |state| state.desk.countdown == COUNTDOWNS[2],
+        |state| state.desk.countdown == COUNTDOWNS[3],
+    ];
+    let waits = waits.into_iter().zip(COUNTDOWNS).zip(on);
+    table.extend(waits.map(|(((text, tip), seconds), on)| take(Action::Countdown(seconds), text, tip).on(on)));
+    table
 }
 
 fn view() -> Vec<Entry> {
@@ -183,6 +263,12 @@ fn view() -> Vec<Entry> {
             "Alt and a button move the camera; A frames the character",
         )
         .on(|state| state.controls == Controls::Maya),
+        view(Action::List(Listed::Joints), "Joints on the left", "List the puppet's joints")
+            .keys([plain(Key::J)])
+            .on(|state| state.listed == Listed::Joints),
+        view(Action::List(Listed::Takes), "Takes on the left", "List the takes")
+            .keys([plain(Key::T)])
+            .on(|state| state.listed == Listed::Takes),
         view(Action::Back, "Close or deselect", "Close what lies over the window, else select nothing")
             .keys([plain(Key::Escape)]),
         help(Action::Toggle(Overlay::Palette), "Find a command…", "Type a part of its name").keys([command(Key::P)]),
@@ -313,7 +399,7 @@ mod tests {
     /// Whoever leans on a key by accident must be able to go on.
     #[test]
     fn no_single_key_ends_or_throws_away_a_take() {
-        let ends = [Action::StopRecording, Action::Disconnect];
+        let ends = [Action::StopRecording, Action::Disconnect, Action::RecordAgain];
         for controls in Controls::ALL {
             for entry in TABLE.iter().filter(|entry| ends.contains(&entry.action)) {
                 assert!(entry.keys_of(controls).iter().all(|key| key.modifiers.any()), "{}", entry.text);

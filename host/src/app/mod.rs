@@ -3,6 +3,7 @@
 pub mod action;
 mod commands;
 pub mod controls;
+pub mod desk;
 mod paint;
 pub mod state;
 mod theme;

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use armature_rig::{CalibrationStep, JointAxis, JointTree, PartKind, Progress, SensorState};
 
 use super::controls::Controls;
+use super::desk::Desk;
 use crate::characters::LoadedCharacter;
 use crate::engine::command::CharacterChoice;
 use crate::engine::event::{EngineEvent, FoundDevice, Frame, Problem};
@@ -72,6 +73,16 @@ pub struct Zeroed {
     pub unreadable: usize,
 }
 
+/// What is listed on the left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Listed {
+    /// The puppet's joints.
+    #[default]
+    Joints,
+    /// The takes of the folder.
+    Takes,
+}
+
 /// What can lie over the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overlay {
@@ -82,12 +93,14 @@ pub enum Overlay {
 }
 
 /// What only the view can do; it takes them when it is drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Wishes {
     /// Show the whole character.
     pub frame_all: bool,
     /// Ask for a file with a character.
     pub open_character: bool,
+    /// Show this folder in the system's file manager.
+    pub folder: Option<PathBuf>,
 }
 
 /// One line of the joint list.
@@ -148,6 +161,10 @@ pub struct State {
     pub explanation: Option<&'static str>,
     /// What the view is asked for.
     pub wishes: Wishes,
+    /// Everything about takes.
+    pub desk: Desk,
+    /// What is listed on the left.
+    pub listed: Listed,
     /// Whether the pose belongs to the puppet connected now, not to an earlier one.
     posed: bool,
     line_broken: bool,
@@ -180,6 +197,8 @@ impl Default for State {
             overlay: None,
             explanation: None,
             wishes: Wishes::default(),
+            desk: Desk::default(),
+            listed: Listed::default(),
             posed: false,
             line_broken: false,
             zeros: 0,
@@ -190,10 +209,12 @@ impl Default for State {
 impl State {
     /// Applies one event. Returns the frame that is no longer shown, for reuse.
     pub fn update_state(&mut self, event: EngineEvent) -> Option<Box<Frame>> {
+        self.desk.update(&event);
         match event {
             EngineEvent::Frame(frame) => {
                 self.frame_number += 1;
-                self.posed = true;
+                // What a take shows says nothing of the puppet.
+                self.posed |= self.desk.open.is_none();
                 return self.frame.replace(frame);
             }
             EngineEvent::Connecting { address } => {
@@ -267,7 +288,15 @@ impl State {
             EngineEvent::LineOpened { .. }
             | EngineEvent::RestPoseAwaited
             | EngineEvent::RunOver(_)
-            | EngineEvent::CalibrationOver(_) => {}
+            | EngineEvent::CalibrationOver(_)
+            // The desk has them.
+            | EngineEvent::Takes(_)
+            | EngineEvent::TakeClosed
+            | EngineEvent::Playback(_)
+            | EngineEvent::Countdown { .. }
+            | EngineEvent::Discarded { .. }
+            | EngineEvent::Exported(_) => {}
+            EngineEvent::TakeOpened(_) => self.listed = Listed::Takes,
         }
         None
     }
@@ -358,8 +387,12 @@ impl State {
         self.bone_of_part.iter().enumerate().filter(move |(_, b)| **b == Some(bone)).map(|(part, _)| part)
     }
 
-    /// The worst state among the parts that a bone follows; `None` if it follows none.
+    /// The worst state among the parts that a bone follows; `None` if it follows none. In a take every joint counts as
+    /// good: what it missed is on the timeline.
     pub fn bone_state(&self, bone: usize) -> Option<SensorState> {
+        if let Some(take) = &self.desk.open {
+            return take.driven.get(bone).copied().unwrap_or(false).then_some(SensorState::Ok);
+        }
         self.parts_of_bone(bone).map(|part| self.worst_state(part)).max_by_key(|state| severity(*state))
     }
 

@@ -35,6 +35,7 @@ impl Window {
         let adapter = context.wgpu_render_state.as_ref().map_or_else(|| "no graphics adapter".into(), paint::install);
         let mut window = Self { state: State::default(), view: View::default(), link, adapter, engine_is_gone: false };
         window.act(Action::ListDevices);
+        window.act(Action::ListTakes);
         window.act(Action::Load(start.character));
         if let Some(address) = start.device {
             window.act(Action::Connect(address));

@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 
 use armature_rig::{CalibrationStep, PartUid};
-use armature_take::Header;
+use armature_take::{EditList, Header};
 
+use super::playback::Play;
 use crate::characters::OWN;
 use crate::characters::shapes::ShapeWeight;
 use crate::files::Overwrite;
+use crate::takes::orders::ExportOrder;
 
 /// What the window or a subcommand asks of the engine.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,11 +35,47 @@ pub enum Command {
     StartRecording,
     /// Finish the take; answered by [`Saved`](super::event::EngineEvent::Saved).
     StopRecording,
+    /// Start a take after this many seconds; without any, at once.
+    RecordAfter(f64),
+    /// Put the take that is being recorded into the bin, or else the last one, and start another.
+    RecordAgain,
+    /// Record these bones, each with everything below it, over the open take while it plays; what comes of it is an edit
+    /// of that take.
+    Overdub {
+        /// Their names.
+        bones: Vec<String>,
+    },
+    /// Look at the folder of takes; answered by [`Takes`](super::event::EngineEvent::Takes).
+    ListTakes,
+    /// Open a take and show it in place of the puppet; answered by
+    /// [`TakeOpened`](super::event::EngineEvent::TakeOpened).
+    OpenTake(PathBuf),
+    /// Show the puppet again.
+    CloseTake,
+    /// Play the open take.
+    Play(Play),
+    /// Replace the edits of the open take, and save them beside it.
+    EditTake(EditList),
+    /// Keep a note and a rating of a take.
+    Annotate {
+        /// Its file.
+        take: PathBuf,
+        /// The note.
+        note: String,
+        /// 0 for none.
+        rating: u8,
+    },
+    /// Put a take into the bin.
+    Discard(PathBuf),
+    /// Take one out of it.
+    Restore(PathBuf),
+    /// Write a take for another program; answered by [`Exported`](super::event::EngineEvent::Exported).
+    Export(ExportOrder),
     /// Make or read a character and show it.
     LoadCharacter(CharacterChoice),
     /// Blend the character towards one of its shapes. Takes do not hold this.
     SetShape(ShapeWeight),
-    /// Cancel the work in progress: loading a character, or a calibration step.
+    /// Cancel the work in progress: loading a character, a calibration step, work on takes, a countdown.
     Cancel,
     /// Make one part blink, so that it can be found by hand.
     Blink(PartUid),

@@ -148,6 +148,11 @@ impl<S: Source> Shell for Driver<'_, S> {
             TakeName::After(character) => {
                 (takes::free_name(&settings::takes_folder()?, &character), Overwrite::default())
             }
+            TakeName::Beside(take) => {
+                let name = format!("{} over", take.file_stem().unwrap_or_default().to_string_lossy());
+                let folder = take.parent().unwrap_or(std::path::Path::new(""));
+                (takes::free_name(folder, &name), Overwrite::default())
+            }
         };
         let file = Box::new(takes::create(&path, overwrite)?);
         let on_real_clock = self.source.age(0.0).is_some();

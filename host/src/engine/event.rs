@@ -5,9 +5,13 @@ use std::sync::Arc;
 
 use armature_rig::{CalibrationStep, JointTree, Progress, SensorState, StepReport};
 
+use super::playback::Playback;
 use super::run_summary::RunSummary;
 use crate::characters::LoadedCharacter;
 use crate::failure::Failure;
+use crate::takes::library::Library;
+use crate::takes::opened::OpenedTake;
+use crate::takes::orders::ExportReceipt;
 
 /// What the engine reports.
 #[derive(Clone, Debug)]
@@ -103,6 +107,26 @@ pub enum EngineEvent {
     },
     /// A take could not be written to its end; what is in the file until then can be read. The session goes on.
     RecordingFailed(Problem),
+    /// A take begins in this many seconds; 0: not any more.
+    Countdown {
+        /// How long yet.
+        seconds_left: u32,
+    },
+    /// The takes of the folder.
+    Takes(Arc<Library>),
+    /// A take is shown in place of the puppet; sent again when its edits change.
+    TakeOpened(Arc<OpenedTake>),
+    /// The puppet is shown again.
+    TakeClosed,
+    /// Where the open take is.
+    Playback(Playback),
+    /// A take is in the bin.
+    Discarded {
+        /// Where it lies.
+        path: PathBuf,
+    },
+    /// A take was written for another program.
+    Exported(ExportReceipt),
     /// A run is over. An error: there is no result. Trouble along the way (such as an unplugged cable) ends a run too,
     /// but the take up to there is finished and safe, and in the summary.
     RunOver(Box<Result<RunSummary, Failure>>),

@@ -53,7 +53,13 @@ impl FrameClock {
 
 /// Fills a frame from the latest pose.
 pub fn fill<W: Write>(frame: &mut Frame, pipeline: &Pipeline<W>, stats: Stats) {
-    let puppeteer = pipeline.puppeteer();
+    fill_character(frame, pipeline.puppeteer());
+    fill_sensors(frame, pipeline);
+    frame.stats = stats;
+}
+
+/// Fills a frame with a character in its latest pose.
+pub fn fill_character(frame: &mut Frame, puppeteer: &Puppeteer) {
     let (positions, normals) = puppeteer.skinned();
     frame.positions.clear();
     frame.positions.extend_from_slice(positions);
@@ -64,8 +70,6 @@ pub fn fill<W: Write>(frame: &mut Frame, pipeline: &Pipeline<W>, stats: Stats) {
     frame.bones.extend(puppeteer.model_from_bone().iter().zip(bones).map(|(model_from_bone, bone)| {
         (model_from_bone.translation.into(), model_from_bone.transform_point3(bone.tail).into())
     }));
-    fill_sensors(frame, pipeline);
-    frame.stats = stats;
 }
 
 fn fill_sensors<W: Write>(frame: &mut Frame, pipeline: &Pipeline<W>) {

@@ -15,6 +15,7 @@ use super::event::{EngineEvent, FoundDevice, Frame, Problem};
 use crate::characters::LoadedCharacter;
 use crate::failure::Failure;
 use crate::files::{GrowingFile, Overwrite};
+use crate::takes::orders::{TakeOrder, TakeResult};
 
 /// Everything that can happen to the engine. A recorded list of inputs and their times replays a whole session.
 #[derive(Clone, Debug)]
@@ -44,6 +45,13 @@ pub enum Input {
         /// The open line.
         outcome: Result<OpenLine, Failure>,
     },
+    /// Progress or result of [`Request::Work`].
+    Worked {
+        /// Which work.
+        work: WorkId,
+        /// Its progress or result.
+        news: WorkNews,
+    },
     /// The result of [`Request::ListDevices`].
     Listed(Result<Vec<FoundDevice>, Failure>),
     /// Time has passed.
@@ -61,6 +69,24 @@ pub struct LoadId(pub u32);
 impl LoadId {
     /// A character that was not asked for, such as a subcommand's.
     pub const BROUGHT_ALONG: Self = Self(0);
+}
+
+/// Numbers the work on takes that the engine asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WorkId(pub u32);
+
+/// Progress of work on takes.
+#[derive(Clone, Debug)]
+pub enum WorkNews {
+    /// In progress.
+    Progress {
+        /// The current stage.
+        stage: String,
+        /// 0 to 1.
+        done: f64,
+    },
+    /// Over.
+    Over(Result<TakeResult, Failure>),
 }
 
 /// News from a line.
@@ -143,6 +169,15 @@ pub enum Request {
     },
     /// Cancel loading a character at its next progress report.
     CancelLoad(LoadId),
+    /// Do something with takes on disk; answered by [`Input::Worked`].
+    Work {
+        /// Which one this is.
+        work: WorkId,
+        /// What to do.
+        order: TakeOrder,
+    },
+    /// Cancel work on takes at its next progress report.
+    CancelWork(WorkId),
     /// Look for devices; answered by [`Input::Listed`].
     ListDevices,
 }
@@ -175,6 +210,8 @@ pub enum TakeName {
     },
     /// After this character, in the user's folder, with a free name.
     After(String),
+    /// After this take and in its folder, with a free name.
+    Beside(PathBuf),
 }
 
 /// An empty file for a take.

@@ -183,6 +183,9 @@ impl Queue {
             | (EngineEvent::Calibrating { .. }, EngineEvent::Calibrating { .. })
             | (EngineEvent::Recording { .. }, EngineEvent::Recording { .. })
             | (EngineEvent::Busy { .. }, EngineEvent::Busy { .. })
+            | (EngineEvent::Playback(_), EngineEvent::Playback(_))
+            | (EngineEvent::Countdown { .. }, EngineEvent::Countdown { .. })
+            | (EngineEvent::Takes(_), EngineEvent::Takes(_))
             | (EngineEvent::Devices(_), EngineEvent::Devices(_)) => true,
             (EngineEvent::Problem(waiting), EngineEvent::Problem(new))
             | (EngineEvent::Waiting(waiting), EngineEvent::Waiting(new)) => waiting == new,

@@ -16,6 +16,8 @@ pub mod latency;
 pub mod link;
 pub mod machine;
 pub mod pipeline;
+pub mod playback;
+mod player;
 pub mod puppeteer;
 mod run;
 pub mod run_summary;

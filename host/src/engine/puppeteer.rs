@@ -362,6 +362,12 @@ impl Puppeteer {
         self.skin.pose(&self.model_from_bone)
     }
 
+    /// Skins the character in a pose that was solved before, as of a take.
+    pub fn show(&mut self, pose: &Pose) -> Result<(), Failure> {
+        pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
+        self.skin.pose(&self.model_from_bone)
+    }
+
     fn zero_if_wanted(&mut self, sample: &RawSample) -> Result<Option<ZeroReport>, Failure> {
         let Some((_, tree)) = self.solver.topology().filter(|_| self.waits_for_zero()) else { return Ok(None) };
         let all_good = sample.states.iter().all(|s| *s == SensorState::Ok);

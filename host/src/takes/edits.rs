@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
+use armature_character::inverse_kinematics::InverseKinematics;
 use armature_rig::PoseCompletion;
 use armature_take::{EditError, EditList, Edited, Take, apply_edits};
 
@@ -15,6 +16,8 @@ use crate::terminal::aside;
 
 /// The extension of an edit list.
 pub const EXTENSION: &str = "edit";
+
+const TOGETHER: &str = "an edit list lies in the folder of its takes; put them there";
 
 /// A take and what its edits make of it.
 #[derive(Debug)]
@@ -47,21 +50,12 @@ pub fn apply(
     character: Option<&str>,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<EditedTake, Failure> {
-    let resolve = files::neighbours(path);
-    let read = |name: &str| -> Result<Take, String> {
-        let (take, report) = Take::read(&resolve(name)?).map_err(|error| error.to_string())?;
-        report.problems.iter().for_each(|problem| aside!("note: {name}: {problem}"));
-        Ok(take)
-    };
-    let failed = |what: String, remedy: &str| Failure::input(format!("{}: {what}", path.display()), remedy);
-    let take = read(&list.take).map_err(|why| {
-        failed(
-            format!("its take {:?}: {why}", list.take),
-            "an edit list lies in the folder of its takes; put them there",
-        )
+    let beside = path.with_file_name(&list.take);
+    let take = neighbour(path, &list.take).map_err(|why| {
+        let what = format!("{}: its take {:?}: {why}", path.display(), list.take);
+        Failure::input(what, TOGETHER)
     })?;
-    let mut completion = if take.header().inverse_kinematics.is_some() {
-        let beside = path.with_file_name(&list.take);
+    let completion = if take.header().inverse_kinematics.is_some() {
         let found = match character {
             Some(source) => characters::find(source, progress)?,
             None => characters::find_for_take(&beside, &take.header().character_name, progress)?,
@@ -70,14 +64,29 @@ pub fn apply(
     } else {
         None
     };
-    let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
-    let other = |name: &str| read(name).map(Arc::new).map_err(|why| format!("{name:?}: {why}"));
-    let edited = apply_edits(list, &take, &other, completion, progress).map_err(|error| {
-        let remedy = match &error {
-            EditError::Take { .. } => "an edit list lies in the folder of its takes; put them there",
-            _ => "",
-        };
-        failed(error.to_string(), remedy)
-    })?;
+    let edited = apply_to(path, list, &take, completion, progress)?;
     Ok(EditedTake { take, edited })
+}
+
+/// Applies a list that lies at this path to its take, with what turned bones without a joint.
+pub fn apply_to(
+    path: &Path,
+    list: &EditList,
+    take: &Take,
+    mut completion: Option<InverseKinematics>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<Edited, Failure> {
+    let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
+    let other = |name: &str| neighbour(path, name).map(Arc::new).map_err(|why| format!("{name:?}: {why}"));
+    apply_edits(list, take, &other, completion, progress).map_err(|error| {
+        let remedy = if matches!(error, EditError::Take { .. }) { TOGETHER } else { "" };
+        Failure::input(format!("{}: {error}", path.display()), remedy)
+    })
+}
+
+/// A take in the folder of a list.
+fn neighbour(list: &Path, name: &str) -> Result<Take, String> {
+    let (take, report) = Take::read(&files::neighbours(list)(name)?).map_err(|error| error.to_string())?;
+    report.problems.iter().for_each(|problem| aside!("note: {name}: {problem}"));
+    Ok(take)
 }

@@ -2,6 +2,9 @@
 
 pub mod edits;
 pub mod exports;
+pub mod library;
+pub mod opened;
+pub mod orders;
 pub mod receipt;
 
 use std::io::BufWriter;

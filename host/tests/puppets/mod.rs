@@ -4,10 +4,15 @@ use std::sync::Arc;
 
 use armature::characters::LoadedCharacter;
 use armature::engine::event::{Frame, Stats};
+use armature::takes::opened::{OpenedTake, prepare};
 use armature_character::{Character, Provenance};
 use armature_formats::model::Material;
 use armature_geometry::{Influences, TriangleMesh};
-use armature_rig::{Bone, JointTree, Part, PartKind, PartUid, SensorState, Skeleton, Transform};
+use armature_rig::{
+    Bone, Calibration, JointTree, Mapping, MappingEntry, Part, PartKind, PartUid, RawSample, SensorState, Skeleton,
+    Transform,
+};
+use armature_take::{EditList, Header, Take, TakeWriter};
 use glam::Vec3;
 
 /// Name, parent, head and tail in model space, radii at both ends, kind of the joint at its head.
@@ -142,4 +147,40 @@ pub(crate) fn frame(character: &LoadedCharacter) -> Box<Frame> {
             latency_p99_micros: 840.0,
         },
     })
+}
+
+/// A take of two seconds in which every joint swings. After half of it, 0.3 s are missing; one joint has no data in the
+/// last quarter.
+pub(crate) fn take(character: &Arc<LoadedCharacter>, list: EditList) -> Arc<OpenedTake> {
+    let tree = tree();
+    let sensors = tree.sensor_count();
+    let sample = |step: u32| {
+        let swing = |sensor: usize| (f64::from(step) * 0.02 + sensor as f64).sin() * 300.0;
+        let state = |sensor| if sensor == 5 && step > 150 { SensorState::NoData } else { SensorState::Ok };
+        RawSample {
+            device_micros: 10_000 * u64::from(step),
+            sequence: step,
+            epoch: 0,
+            counts: (0..sensors).map(|sensor| (2048.0 + swing(sensor)) as u16).collect(),
+            states: (0..sensors).map(state).collect(),
+        }
+    };
+    let mut calibration = Calibration::for_tree(&tree);
+    let rest = RawSample { counts: vec![2048; sensors], ..sample(0) };
+    calibration.zero(&tree, &rest).expect("it fits the puppet");
+    let joints = LIMBS.iter().zip(tree.parts()).filter(|(_, part)| !part.kind.axes().is_empty());
+    let entry = |part: PartUid, bone: &str| MappingEntry { part, bone: bone.into(), mounting: glam::Quat::IDENTITY };
+    let entries = joints.map(|((bone, ..), part)| entry(part.uid, bone)).collect();
+    let mut writer = TakeWriter::new(Vec::new(), &Header::default()).expect("memory");
+    writer.skeleton(&character.skeleton).expect("memory");
+    writer.topology(0, &tree).expect("memory");
+    writer.calibration(&calibration).expect("memory");
+    writer.mapping(&Mapping { entries, ..Mapping::default() }).expect("memory");
+    for step in (0..=200).filter(|step| !(100..130).contains(step)) {
+        writer.sample(&sample(step), None).expect("memory");
+    }
+    let (take, _) = Take::read(&writer.finish().expect("memory")).expect("a take");
+    let never = &mut |_: &'static str, _: f64| std::ops::ControlFlow::Continue(());
+    let path = std::path::Path::new("/home/kim/takes/walk.take");
+    Arc::new(prepare(path, &take, list, character.clone(), never).expect("it can be played"))
 }

@@ -35,6 +35,7 @@
 //! | [`file`] | [`TakeWriter`] appends records, [`Take::read`] reads them; the format byte by byte |
 //! | [`replay`](mod@replay) | [`replay()`] solves every sample again; [`verify`] compares each pose bit for bit |
 //! | [`edit`] | [`apply_edits`]: trim, overdub, smooth and so on, by a text file beside the takes |
+//! | [`curves`](mod@curves) | [`curves()`]: what every joint said over time, raw and filtered, in so many steps |
 //! | [`compare`](mod@compare) | [`compare()`]: the poses of one take against those of another |
 //! | [`time`] | [`Timeline::recorded`] puts poses on one timeline; [`resample`] brings them to a constant rate; [`FrameRate`] and [`Timecode`] name frames |
 //! | [`keys`] | [`reduce_keys`]: fewer keys, with a bound on what that changes |
@@ -43,6 +44,7 @@
 //! | [`receipt`](mod@receipt) | [`receipt()`]: what the measurement is worth: rate, jitter, losses, lag, drift |
 
 pub mod compare;
+pub mod curves;
 pub mod edit;
 pub mod export;
 pub mod file;
@@ -53,6 +55,7 @@ pub mod summary;
 pub mod time;
 
 pub use compare::{CompareError, Comparison, PoseDifference, Tolerance, compare};
+pub use curves::{Curves, JointCurve, Span, curves};
 pub use edit::{Edit, EditError, EditList, EditListError, Edited, apply_edits};
 pub use export::{
     ExportError, ExportSettings, Exported, PoseSource, Surface, TakeMotion, bvh_of, edited_motion, export_bvh,

@@ -87,17 +87,7 @@ pub fn replay(
     let mut solver = StreamSolver::new(take.skeleton().ok_or(ReplayError::NoSkeleton)?.clone());
     let mut summary = ReplaySummary::default();
     for (index, record) in take.records().iter().enumerate() {
-        match record {
-            Record::Topology(topology) => solver.set_topology(topology.epoch, topology.tree.clone()),
-            Record::Calibration(calibration) => solver.set_calibration(calibration.clone()),
-            Record::Mapping(mapping) => solver.set_mapping(mapping.clone()),
-            Record::Engagement { micros, all } => solver.engage(*micros, *all),
-            Record::ReadingsReturn { micros } => solver.return_over(*micros),
-            Record::Ground(ground) => {
-                solver.set_ground(ground.clone()).map_err(|why| ReplayError::Ground { record: index, why })?;
-            }
-            Record::Skeleton(_) | Record::Sample(_) | Record::Pose(_) | Record::Event(_) => {}
-        }
+        settle(&mut solver, record).map_err(|why| ReplayError::Ground { record: index, why })?;
         let replayed = match record {
             Record::Sample(sample) => {
                 let pose = solver.solve_completed(&sample.raw, completion.as_deref_mut());
@@ -117,6 +107,20 @@ pub fn replay(
         }
     }
     Ok(summary)
+}
+
+/// What a record changes for the samples behind it. An error: its ground does not fit the skeleton.
+pub(crate) fn settle(solver: &mut StreamSolver, record: &Record) -> Result<(), GroundError> {
+    match record {
+        Record::Topology(topology) => solver.set_topology(topology.epoch, topology.tree.clone()),
+        Record::Calibration(calibration) => solver.set_calibration(calibration.clone()),
+        Record::Mapping(mapping) => solver.set_mapping(mapping.clone()),
+        Record::Engagement { micros, all } => solver.engage(*micros, *all),
+        Record::ReadingsReturn { micros } => solver.return_over(*micros),
+        Record::Ground(ground) => return solver.set_ground(ground.clone()),
+        Record::Skeleton(_) | Record::Sample(_) | Record::Pose(_) | Record::Event(_) => {}
+    }
+    Ok(())
 }
 
 /// The first recorded pose that the replay does not reproduce.

@@ -1,6 +1,6 @@
 //! Choosing a character file without blocking the window.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
@@ -63,6 +63,22 @@ impl Files {
         self.pending = None;
         answer
     }
+}
+
+/// Shows a folder in the system's file manager.
+pub(super) fn show(folder: &Path) -> Result<(), Problem> {
+    let program = if cfg!(target_os = "macos") {
+        "open"
+    } else if cfg!(target_os = "windows") {
+        "explorer"
+    } else {
+        "xdg-open"
+    };
+    let started = std::process::Command::new(program).arg(folder).spawn();
+    started.map(drop).map_err(|error| Problem {
+        what: format!("The folder cannot be shown: {program}: {error}."),
+        remedy: format!("It is {}.", folder.display()),
+    })
 }
 
 /// The card about a missing dialog.

@@ -45,8 +45,20 @@ pub(super) fn button(
     state: &State,
     actions: &mut Vec<Action>,
 ) -> Option<Response> {
+    labelled(ui, commands::of(action)?.text, action, size, state, actions)
+}
+
+/// The same with another label.
+pub(super) fn labelled(
+    ui: &mut Ui,
+    label: &str,
+    action: &Action,
+    size: Vec2,
+    state: &State,
+    actions: &mut Vec<Action>,
+) -> Option<Response> {
     let entry = commands::of(action)?;
-    let button = Button::new(entry.text).min_size(size).selected(entry.is_on(state));
+    let button = Button::new(label).min_size(size).selected(entry.is_on(state));
     let response = shown(ui, button, entry, state).on_hover_text(entry.hint(ui.ctx(), state.controls));
     if response.clicked() {
         actions.push(action.clone());

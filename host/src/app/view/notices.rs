@@ -4,6 +4,7 @@ use armature_rig::CalibrationStep;
 use eframe::egui::{self, Align, Color32, Layout, RichText, Ui};
 
 use super::widgets::{self, clock, grouped, sentence};
+use super::{export, takes};
 use crate::app::action::Action;
 use crate::app::state::{SavedTake, State, Zeroed};
 use crate::app::theme;
@@ -26,6 +27,17 @@ pub(super) fn show(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
                 widgets::quiet(ui, sentence(&notice.problem.remedy));
             }
         });
+    }
+    if let Some(seconds) = state.desk.counting {
+        card(ui, theme::RED, |ui| {
+            title(ui, &format!("Recording in {seconds} s"), "Cancel", || actions.push(Action::Cancel));
+        });
+    }
+    if let Some(path) = &state.desk.discarded {
+        card(ui, theme::AMBER, |ui| takes::discarded(ui, path, actions));
+    }
+    if let Some(receipt) = &state.desk.exported {
+        card(ui, theme::GREEN, |ui| export::receipt(ui, receipt, actions));
     }
     if let Some(take) = &state.saved {
         card(ui, theme::GREEN, |ui| saved(ui, take, actions));
@@ -113,6 +125,10 @@ fn saved(ui: &mut Ui, take: &SavedTake, actions: &mut Vec<Action>) {
     ui.add(egui::Label::new(RichText::new(name).monospace()).truncate()).on_hover_text(path.as_str());
     ui.horizontal(|ui| {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            if ui.small_button("Open the take").on_hover_text("Play it").clicked() {
+                actions.push(Action::OpenTake(take.path.clone()));
+                actions.push(Action::DismissSaved);
+            }
             if ui.small_button("Copy path").on_hover_text("Copy the file's path").clicked() {
                 ui.copy_text(path.clone());
             }

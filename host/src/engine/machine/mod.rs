@@ -2,11 +2,14 @@
 //!
 //! [`Engine::handle`] takes one [`Input`] at a time and answers through the [`Shell`]. It starts no thread, opens
 //! nothing and reads no clock, so a list of inputs and their times replays a session. `line` handles lines, `tasks`
-//! what the user asked for (runs, recordings, calibration).
+//! what the user asked for (runs, recordings, calibration), `taking` what is done with takes that are there.
 
 mod line;
 #[cfg(test)]
 mod script;
+mod taking;
+#[cfg(test)]
+mod taking_tests;
 mod tasks;
 #[cfg(test)]
 mod tests;
@@ -17,6 +20,7 @@ use std::sync::Arc;
 use armature_rig::{Calibration, Mapping, PuppetHints, StepTimes};
 
 use self::line::Line;
+use self::taking::Taking;
 use super::calibrating::CalibrationPlan;
 use super::command::Command;
 use super::event::{EngineEvent, Problem};
@@ -30,6 +34,7 @@ use crate::characters::LoadedCharacter;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::failure::Failure;
+use crate::takes::orders::TakeOrder;
 
 /// Frames are drawn at most this often; a faster puppet moves the character all the same.
 const FRAME_SECONDS: f64 = 0.003;
@@ -95,6 +100,7 @@ pub struct Engine {
     /// A run's result, until its line is closed.
     run_over: Option<Result<RunSummary, Failure>>,
     calibration_plan: Option<CalibrationPlan>,
+    taking: Taking,
     /// What was last reported about a calibration step.
     calibration_reported: Option<(bool, &'static str, u64)>,
     frame_clock: FrameClock,
@@ -119,6 +125,7 @@ impl Engine {
             run: None,
             run_over: None,
             calibration_plan: None,
+            taking: Taking::default(),
             calibration_reported: None,
             frame_clock: FrameClock::default(),
             frame_waits: false,
@@ -140,6 +147,10 @@ impl Engine {
             }
             Input::Device { line, counters, news } => self.hear_line(now, line, counters, news, shell),
             Input::Loaded { load, news } => self.hear_load(now, load, news, shell),
+            Input::Worked { work, news } => {
+                self.hear_work(now, work, news, shell);
+                Ok(())
+            }
             Input::Connected { line, outcome } => self.hear_connected(line, outcome, shell),
             Input::Listed(Ok(devices)) => {
                 shell.tell(EngineEvent::Devices(devices));
@@ -161,7 +172,7 @@ impl Engine {
         let run = self.run.as_ref().filter(|_| self.pipeline.is_some()).map(Run::wakes_at);
         let calibration = self.is_calibrating().then_some(self.last_input + STATUS_SECONDS / 2.0);
         let frame = self.frame_waits.then_some(self.last_frame + FRAME_SECONDS);
-        [run, calibration, frame].into_iter().flatten().min_by(f64::total_cmp)
+        [run, calibration, frame, self.taking_wakes_at()].into_iter().flatten().min_by(f64::total_cmp)
     }
 
     /// Whether it has quit: every take is finished and every line closed.
@@ -187,6 +198,18 @@ impl Engine {
             Command::CalibrateAll(steps) => self.calibration_plan = Some(CalibrationPlan::new(steps)),
             Command::Run(plan) => self.run = Some(Run::new(*plan)),
             Command::StartRecording => self.start_recording(now, shell)?,
+            Command::RecordAfter(seconds) => self.record_after(now, seconds, shell)?,
+            Command::RecordAgain => self.record_again(now, shell)?,
+            Command::Overdub { bones } => self.overdub(now, &bones, shell)?,
+            Command::ListTakes => self.list_takes(shell),
+            Command::OpenTake(path) => self.open_take(path, shell)?,
+            Command::CloseTake => self.close_take(shell),
+            Command::Play(play) => self.play(now, play, shell),
+            Command::EditTake(list) => self.edit_take(list, shell)?,
+            Command::Annotate { take, note, rating } => self.work(TakeOrder::Annotate { take, note, rating }, shell),
+            Command::Discard(take) => self.discard(take, shell)?,
+            Command::Restore(take) => self.work(TakeOrder::Restore(take), shell),
+            Command::Export(order) => self.work(TakeOrder::Export(order), shell),
             Command::StopRecording => self.stop_recording(shell),
             Command::LoadCharacter(choice) => self.load(choice.source(), shell)?,
             Command::SetShape(shape) => {
@@ -228,6 +251,7 @@ impl Engine {
             shell.tell(EngineEvent::CalibrationOver(Err(failure)));
         }
         self.end_calibration_step(shell);
+        self.cancel_work(shell);
     }
 
     /// Whatever is waiting ends with the failure; otherwise it is reported, and the session continues.
@@ -247,6 +271,7 @@ impl Engine {
     fn look_at_clock(&mut self, now: f64, shell: &mut dyn Shell) -> Result<(), Failure> {
         self.look_after_run(now, shell)?;
         self.look_after_calibration(now, shell)?;
+        self.look_after_takes(now, shell)?;
         if self.frame_waits && now - self.last_frame >= FRAME_SECONDS {
             self.tell_frame(now, shell);
         }
@@ -337,11 +362,19 @@ impl Engine {
     fn tell_frame(&mut self, now: f64, shell: &mut dyn Shell) {
         self.frame_waits = false;
         self.last_frame = now;
+        if self.tell_take_frame(shell) {
+            self.tell_recorded(shell);
+            return;
+        }
         let (Some(pipeline), Line::Open(open)) = (&self.pipeline, &self.line) else { return };
         let mut frame = shell.frame_buffer();
         frames::fill(&mut frame, pipeline, self.frame_clock.stats(&open.counters));
         shell.tell(EngineEvent::Frame(frame));
-        if let Some(recorded) = pipeline.recorded() {
+        self.tell_recorded(shell);
+    }
+
+    fn tell_recorded(&self, shell: &mut dyn Shell) {
+        if let Some(recorded) = self.pipeline.as_ref().and_then(Pipeline::recorded) {
             let seconds = recorded.micros as f64 * 1e-6;
             shell.tell(EngineEvent::Recording { seconds, samples: recorded.samples });
         }

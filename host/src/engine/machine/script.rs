@@ -74,6 +74,7 @@ impl Shell for Script {
         let path = match name {
             TakeName::Path { path, .. } => path,
             TakeName::After(name) => format!("{name}-{}.take", self.takes.len()).into(),
+            TakeName::Beside(take) => take.with_file_name(format!("over-{}.take", self.takes.len())),
         };
         let take = MemoryTake(Arc::default(), self.room.unwrap_or(usize::MAX));
         self.takes.push(take.clone());

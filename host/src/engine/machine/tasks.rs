@@ -7,7 +7,7 @@ use armature_rig::{CalibrationStep, Progress, StepError, StepReport};
 use armature_take::Header;
 
 use super::line::Line;
-use super::{Engine, EngineEvent, Pipeline, Problem, Shell, TakeName};
+use super::{Engine, EngineEvent, LoadedCharacter, Pipeline, Problem, Shell, TakeName};
 use crate::engine::calibrating::{in_seconds, no_samples, step_failure};
 use crate::engine::run::PATIENCE_SECONDS;
 use crate::engine::take_recorder::{RecordedTake, take_header};
@@ -25,12 +25,13 @@ struct FinishedTake {
 impl Engine {
     /// A sample has posed the character. `received`: by its session's clock.
     pub(super) fn posed(&mut self, now: f64, received: f64, shell: &mut dyn Shell) -> Result<(), Failure> {
+        let is_seen = self.draws_puppet();
         let (Some(pipeline), Line::Open(open)) = (&mut self.pipeline, &self.line) else { return Ok(()) };
         let latency = shell.age(open.began + received);
         pipeline.posed(latency);
         if self.settings.draws {
             self.frame_clock.sample(latency.unwrap_or_default(), now);
-            self.frame_waits = true;
+            self.frame_waits = is_seen;
         }
         let Some(run) = self.run.as_mut().filter(|_| pipeline.is_ready()) else { return Ok(()) };
         if !run.waits() {
@@ -98,21 +99,32 @@ impl Engine {
         }
     }
 
-    pub(super) fn start_recording(&mut self, now: f64, shell: &mut dyn Shell) -> Result<(), Failure> {
+    /// Whether a take can begin, and the character that it would be of.
+    pub(super) fn ready_to_record(&self) -> Result<&LoadedCharacter, Failure> {
         let (Some(pipeline), Line::Open(_)) = (&self.pipeline, &self.line) else {
             return Err(Failure::usage("there is no puppet to record", "connect one first"));
         };
-        if self.recording.is_some() {
-            return Ok(());
-        }
         if !pipeline.is_ready() {
             return Err(Failure::usage(
                 "the rest pose is not known yet",
                 "hold the puppet in its rest pose and press Zero",
             ));
         }
-        let name = files::name_of(std::path::Path::new(&pipeline.puppeteer().character().name));
-        self.begin_take(now, TakeName::After(name), None, shell)?;
+        Ok(pipeline.puppeteer().character())
+    }
+
+    /// Starts a take of the puppet alone; a take that is shown is closed.
+    pub(super) fn start_recording(&mut self, now: f64, shell: &mut dyn Shell) -> Result<(), Failure> {
+        if self.recording.is_some() {
+            return Ok(());
+        }
+        let name = files::name_of(std::path::Path::new(&self.ready_to_record()?.name));
+        self.close_take(shell);
+        self.record_as(now, TakeName::After(name), shell)
+    }
+
+    pub(super) fn record_as(&mut self, now: f64, name: TakeName, shell: &mut dyn Shell) -> Result<(), Failure> {
+        self.begin_take(now, name, None, shell)?;
         shell.tell(EngineEvent::Recording { seconds: 0.0, samples: 0 });
         Ok(())
     }
@@ -151,7 +163,8 @@ impl Engine {
     pub(super) fn stop_recording(&mut self, shell: &mut dyn Shell) {
         match self.finish_take(true) {
             Ok(Some(FinishedTake { path, recorded: RecordedTake { samples, lost, micros }, .. })) => {
-                shell.tell(EngineEvent::Saved { path, seconds: micros as f64 * 1e-6, samples, lost });
+                shell.tell(EngineEvent::Saved { path: path.clone(), seconds: micros as f64 * 1e-6, samples, lost });
+                self.take_saved(&path, shell);
             }
             Ok(None) => {}
             Err(failure) => shell.tell(EngineEvent::RecordingFailed(Problem::from(&failure))),

@@ -18,6 +18,7 @@ use super::arms::shared_calibration;
 use super::loading::Loads;
 use super::second_process::SimulatedPuppet;
 use super::simulated::{self, SimulatedArgs};
+use super::working::Works;
 use crate::descriptors;
 use crate::engine::command::Command;
 use crate::engine::event::{FoundDevice, Problem};
@@ -47,6 +48,7 @@ pub struct LiveSource {
     inbox: Inbox,
     opener: Opener,
     loads: Loads,
+    works: Works,
 }
 
 /// What a thread that opens a line needs.
@@ -103,7 +105,7 @@ impl LiveSource {
             inbox: inbox.sender(),
             lines: Arc::default(),
         };
-        Ok(Self { inbox, opener, loads: Loads::default() })
+        Ok(Self { inbox, opener, loads: Loads::default(), works: Works::default() })
     }
 
     fn wish(&self, line: LineId, wish: Wish) {
@@ -147,6 +149,8 @@ impl Source for LiveSource {
             }
             Request::Load { load, source } => self.loads.begin(load, source, self.opener.inbox.clone()),
             Request::CancelLoad(load) => self.loads.cancel(load),
+            Request::Work { work, order } => self.works.begin(work, order, self.opener.inbox.clone()),
+            Request::CancelWork(work) => self.works.cancel(work),
             Request::ListDevices => {
                 let inbox = self.opener.inbox.clone();
                 std::thread::spawn(move || inbox.send(Input::Listed(list_devices())));

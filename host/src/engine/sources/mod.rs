@@ -7,6 +7,7 @@ mod loading;
 mod second_process;
 pub mod simulated;
 pub mod virtual_clock;
+mod working;
 
 use std::time::Duration;
 

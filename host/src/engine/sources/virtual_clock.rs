@@ -10,7 +10,7 @@ use armature_sim::Puppet;
 use armature_sim::serve::hints_of;
 
 use super::simulated::{self, SimulatedArgs};
-use super::{Source, loading};
+use super::{Source, loading, working};
 use crate::engine::input::{Input, LineId, LineNews, OpenLine, Request};
 use crate::failure::Failure;
 
@@ -147,9 +147,13 @@ impl Source for VirtualSource {
                 let news = loading::find(&source, &mut |_, _| ControlFlow::Continue(()));
                 self.inputs.push_back(Input::Loaded { load, news });
             }
-            // Samples were requested at once, because on this clock nothing is too early; characters are loaded at
-            // once.
-            Request::Stream { .. } | Request::CancelLoad(_) => {}
+            Request::Work { work, order } => {
+                let news = working::done(&order, &mut |_, _| ControlFlow::Continue(()));
+                self.inputs.push_back(Input::Worked { work, news });
+            }
+            // Samples were requested at once, because on this clock nothing is too early; characters are loaded and
+            // work is done at once.
+            Request::Stream { .. } | Request::CancelLoad(_) | Request::CancelWork(_) => {}
             Request::ListDevices => self.inputs.push_back(Input::Listed(Ok(Vec::new()))),
         }
     }

@@ -95,7 +95,8 @@ impl Sensor {
         std::f64::consts::TAU / f64::from(self.counts_per_turn)
     }
 
-    fn angle(&self) -> f64 {
+    /// Its angle after the filter, radians; 0 while it is not zeroed or has had no usable reading.
+    pub(super) fn angle(&self) -> f64 {
         let smoothed = match self.filter {
             Filter::OneEuro(_) => self.smoother.turn(),
             Filter::None | Filter::Hold { .. } => None,

@@ -286,6 +286,11 @@ impl PoseSolver {
         .unwrap_or_default()
     }
 
+    /// The place in a sample, and the angle after the filter (radians), of every sensor that moves a bone.
+    pub fn filtered_angles(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.sensors.iter().map(|sensor| (sensor.slot(), sensor.angle()))
+    }
+
     /// The status of each bone after the latest sample, in the skeleton's order.
     pub fn bone_status(&self) -> &[BoneStatus] {
         &self.status

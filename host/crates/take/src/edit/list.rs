@@ -167,6 +167,12 @@ pub enum EditListError {
     },
 }
 
+impl Default for EditList {
+    fn default() -> Self {
+        Self::new("")
+    }
+}
+
 impl EditList {
     /// A list without edits.
     pub fn new(take: &str) -> Self {
