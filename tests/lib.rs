@@ -141,7 +141,7 @@ pub fn perform_from(source: VirtualSource, character: &Arc<LoadedCharacter>, set
         draws: false,
         ..EngineSettings::default()
     });
-    let performed = drive_run(&mut engine, &mut source, character.clone(), "sim:puppet", plan, &mut |_| ());
+    let performed = drive_run(&mut engine, &mut source, character.clone(), "sim:puppet", plan, None, &mut |_| ());
     let summary = performed.unwrap_or_else(|failure| panic!("{failure}"));
     let bytes = std::fs::read(&path).expect("the take is there");
     let (take, report) = Take::read(&bytes).expect("the take can be read");

@@ -65,7 +65,7 @@ fn picture(human: &Arc<LoadedCharacter>, pose: &PuppetPose) -> Result<Picture, B
     let puppet = Puppet::new(settings(pose)?).map_err(|e| e.to_string())?;
     let mut source = VirtualSource::of(puppet, SAMPLES_PER_SECOND);
     let plan = RunPlan { seconds: Some(REST_SECONDS + MOVE_SECONDS + HOLD_SECONDS), ..RunPlan::default() };
-    let summary = drive_run(&mut engine, &mut source, human.clone(), "sim:human8", plan, &mut |_| ());
+    let summary = drive_run(&mut engine, &mut source, human.clone(), "sim:human8", plan, None, &mut |_| ());
     println!("{:<8} {}", pose.name, summary.map_err(|f| f.what)?.roles.unwrap_or_default());
     let shape = human.shape.as_ref().ok_or("the human has a mesh")?;
     let (positions, normals) = engine.puppeteer().ok_or("the human was loaded")?.skinned();

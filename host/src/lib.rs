@@ -16,5 +16,6 @@ pub mod files;
 pub mod pictures;
 pub mod program;
 pub mod settings;
+pub mod streams;
 pub mod takes;
 pub mod terminal;

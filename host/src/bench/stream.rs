@@ -39,7 +39,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let mut source = LiveSource::new(Inbox::default(), LiveSettings { simulated, ..LiveSettings::default() })?;
     let plan = RunPlan { seconds: Some(args.stream_seconds), ..RunPlan::default() };
     let character = Arc::new(found.character);
-    let summary = drive_run(&mut engine, &mut source, character, PUPPET, plan, &mut |_| ())?;
+    let summary = drive_run(&mut engine, &mut source, character, PUPPET, plan, None, &mut |_| ())?;
     if let Some(trouble) = summary.trouble {
         return Err(trouble);
     }

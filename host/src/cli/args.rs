@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::names::{arm_help, character_help, device_help, puppet_help, vertices_help};
 use crate::characters::ground::GroundArgs;
+use super::stream_args::StreamArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::engine::sources::simulated::SimulatedArgs;
 use crate::files::Overwrite;
@@ -168,6 +169,9 @@ pub struct RunArgs {
     /// Standing and walking.
     #[command(flatten)]
     pub ground: GroundArgs,
+    /// Other programs that get the poses.
+    #[command(flatten)]
+    pub streams: StreamArgs,
     /// The simulated puppet.
     #[command(flatten)]
     pub simulated: SimulatedArgs,
@@ -329,7 +333,7 @@ fn seconds(text: &str) -> Result<f64, String> {
     if text.parse() == Ok(0.0) { Ok(0.0) } else { positive_seconds(text) }
 }
 
-fn sample_rate(text: &str) -> Result<f64, String> {
+pub(super) fn sample_rate(text: &str) -> Result<f64, String> {
     let rate: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
     if rate.is_finite() && (1.0..=4000.0).contains(&rate) { Ok(rate) } else { Err("give 1 to 4000 a second".into()) }
 }

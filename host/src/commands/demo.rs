@@ -133,7 +133,7 @@ fn perform_and_record(
     let live = LiveSettings { simulated, catches_interrupt: true, ..LiveSettings::default() };
     let mut source = LiveSource::new(Inbox::default(), live)?;
     let (mut address, mut bar) = (String::new(), None);
-    let summary = drive_run(&mut engine, &mut source, character, device, plan, &mut |event| {
+    let summary = drive_run(&mut engine, &mut source, character, device, plan, None, &mut |event| {
         if let EngineEvent::LineOpened { line, process } = &event {
             let process = process.map_or_else(String::new, |id| format!(" in process {id}"));
             if !talk.quiet {

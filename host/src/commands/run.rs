@@ -21,6 +21,7 @@ use crate::engine::sources::{LiveSettings, LiveSource, VirtualSource};
 use crate::engine::take_recorder::take_header;
 use crate::failure::Failure;
 use crate::settings;
+use crate::streams::Streams;
 use crate::terminal::{Bar, Talk, aside, out};
 
 /// Drives a character with a puppet, and records.
@@ -59,11 +60,14 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         ..EngineSettings::default()
     });
     let plan = plan(args, &character, is_simulated);
+    let streams = args.streams.open(&character.name, &character.skeleton)?;
+    tell(talk, streams.iter().flat_map(Streams::addresses).map(|address| format!("streaming to {address}")));
     let summary = if args.virtual_clock {
         run_virtually(args, &mut engine, character, plan, is_simulated)?
     } else {
-        run_live(args, &mut engine, character, plan, talk)?
+        run_live(args, &mut engine, character, plan, streams.as_ref(), talk)?
     };
+    let streamed = streams.map(Streams::finish).unwrap_or_default();
     if let Some(puppeteer) = engine.puppeteer() {
         let mut calibration = puppeteer.calibration().clone();
         if !args.save_filter {
@@ -73,6 +77,7 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
     }
     if !talk.quiet {
         out!("{summary}");
+        streamed.iter().for_each(|report| out!("streamed   {report}"));
         let doubts = engine.puppeteer().map_or(&[][..], |puppeteer| puppeteer.mapping_doubts());
         if !doubts.is_empty() {
             out!("{}", mapping_line(doubts));
@@ -125,7 +130,7 @@ fn run_virtually(
         return Err(Failure::usage("--virtual-clock needs an end", "add --seconds N"));
     }
     let mut source = VirtualSource::new(name, &args.simulated, args.rate)?;
-    drive_run(engine, &mut source, character, &args.device, plan, &mut |event| log_problem("", &event))
+    drive_run(engine, &mut source, character, &args.device, plan, None, &mut |event| log_problem("", &event))
 }
 
 fn run_live(
@@ -133,6 +138,7 @@ fn run_live(
     engine: &mut Engine,
     character: Arc<LoadedCharacter>,
     plan: RunPlan,
+    streams: Option<&Streams>,
     talk: Talk,
 ) -> Result<RunSummary, Failure> {
     let device = with_preset(&args.device, args.preset.as_deref())?;
@@ -145,7 +151,7 @@ fn run_live(
     };
     let mut source = LiveSource::new(Inbox::default(), settings)?;
     let mut bar = None;
-    let summary = drive_run(engine, &mut source, character, &device, plan, &mut |event| {
+    let summary = drive_run(engine, &mut source, character, &device, plan, streams, &mut |event| {
         match &event {
             EngineEvent::LineOpened { line, .. } => {
                 tell(talk, std::iter::once(format!("connected to {line} (Ctrl-C ends)")));

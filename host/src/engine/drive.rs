@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armature_rig::{Calibration, CalibrationStep, StepReport};
+use glam::Affine3A;
 
 use super::command::{Command, RunPlan};
 use super::event::{EngineEvent, Frame};
@@ -15,12 +16,18 @@ use super::sources::Source;
 use crate::characters::LoadedCharacter;
 use crate::failure::Failure;
 use crate::files::Overwrite;
+use crate::streams::Streams;
 use crate::{settings, takes};
 
 /// Receives what the engine reports.
 pub trait Listener {
     /// Receives an event. `Break` makes the engine quit.
     fn hear(&mut self, event: EngineEvent) -> ControlFlow<()>;
+
+    /// Sees each new pose. `seconds`: the device's clock. Must not take long.
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
+        let _ = (seconds, model_from_bone);
+    }
 
     /// A frame to fill, with the buffers of an earlier one if there is one.
     fn frame_buffer(&mut self) -> Box<Frame> {
@@ -55,7 +62,8 @@ pub fn drive<S: Source>(
     }
 }
 
-/// Drives a whole run of this character by a puppet. `heard` receives what is reported along the way.
+/// Drives a whole run of this character by a puppet. `heard` receives what is reported along the way, `streams` every
+/// pose.
 ///
 /// An error means that there is no result. Trouble along the way is in the summary.
 pub fn drive_run<S: Source>(
@@ -64,21 +72,41 @@ pub fn drive_run<S: Source>(
     character: Arc<LoadedCharacter>,
     device: &str,
     plan: RunPlan,
+    streams: Option<&Streams>,
     heard: &mut dyn FnMut(EngineEvent),
 ) -> Result<RunSummary, Failure> {
-    let mut over = None;
     let first = with_puppet(Command::Run(Box::new(plan)), character, device);
-    drive(engine, source, first, &mut |event| match event {
-        EngineEvent::RunOver(outcome) => {
-            over = Some(*outcome);
-            ControlFlow::Break(())
+    let mut audience = Audience { heard, streams, over: None };
+    drive(engine, source, first, &mut audience);
+    audience.over.unwrap_or_else(|| Err(ended_by_itself()))
+}
+
+/// Who follows a run.
+struct Audience<'a> {
+    heard: &'a mut dyn FnMut(EngineEvent),
+    streams: Option<&'a Streams>,
+    over: Option<Result<RunSummary, Failure>>,
+}
+
+impl Listener for Audience<'_> {
+    fn hear(&mut self, event: EngineEvent) -> ControlFlow<()> {
+        match event {
+            EngineEvent::RunOver(outcome) => {
+                self.over = Some(*outcome);
+                ControlFlow::Break(())
+            }
+            event => {
+                (self.heard)(event);
+                ControlFlow::Continue(())
+            }
         }
-        event => {
-            heard(event);
-            ControlFlow::Continue(())
+    }
+
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
+        if let Some(streams) = self.streams {
+            streams.pose(seconds, model_from_bone);
         }
-    });
-    over.unwrap_or_else(|| Err(ended_by_itself()))
+    }
 }
 
 /// Drives calibration steps to the end of the last one; returns a report for each. `heard` receives what is reported
@@ -132,6 +160,10 @@ impl<S: Source> Shell for Driver<'_, S> {
 
     fn ask(&mut self, request: Request) {
         self.source.fulfil(request);
+    }
+
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
+        self.listener.posed(seconds, model_from_bone);
     }
 
     fn age(&self, at: f64) -> Option<Duration> {

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use armature_device::{Event, PartUid, SessionCounters};
 use armature_rig::{Calibration, PuppetHints};
+use glam::Affine3A;
 
 use super::command::Command;
 use super::event::{EngineEvent, FoundDevice, Frame, Problem};
@@ -188,6 +189,10 @@ pub trait Shell {
     fn tell(&mut self, event: EngineEvent);
     /// Receives a request.
     fn ask(&mut self, request: Request);
+    /// Sees each new pose. `seconds`: the device's clock.
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
+        let _ = (seconds, model_from_bone);
+    }
     /// How long ago this was, now that the engine has processed it; `None` on a virtual clock.
     fn age(&self, at: f64) -> Option<Duration>;
     /// A frame to fill, with the buffers of an earlier one if there is one.

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 const FRAMES_A_SECOND: f64 = 30.0;
 
-fn tool(variable: &str, what: &str) -> Option<PathBuf> {
+pub(crate) fn tool(variable: &str, what: &str) -> Option<PathBuf> {
     let path = std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from);
     if path.is_none() {
         let in_ci = ["CI", "ARMATURE_REQUIRE_SHARED_DATA"].iter().all(|name| std::env::var_os(name).is_some());
@@ -25,7 +25,7 @@ fn tool(variable: &str, what: &str) -> Option<PathBuf> {
     path
 }
 
-fn script(name: &str) -> PathBuf {
+pub(crate) fn script(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests").join(name)
 }
 

@@ -15,6 +15,7 @@ mod functions_command;
 mod guide;
 mod outputs;
 mod shapes;
+mod streams;
 mod surface_command;
 mod takes;
 mod volume_command;

@@ -29,6 +29,9 @@ impl Engine {
         let (Some(pipeline), Line::Open(open)) = (&mut self.pipeline, &self.line) else { return Ok(()) };
         let latency = shell.age(open.began + received);
         pipeline.posed(latency);
+        if let Some(sample) = pipeline.latest_sample() {
+            shell.posed(sample.device_micros as f64 * 1e-6, pipeline.puppeteer().model_from_bone());
+        }
         if self.settings.draws {
             self.frame_clock.sample(latency.unwrap_or_default(), now);
             self.frame_waits = is_seen;
