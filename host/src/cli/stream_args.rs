@@ -32,7 +32,7 @@ fn stream_help() -> String {
     let [vmc, json, ws] = StreamKind::ALL.map(|kind| (kind.word(), kind.default_port()));
     format!(
         "Send each pose to another program while it happens; may be given several times. {}[:HOST][:PORT]: VMC over OSC, \
-         for programs that show VRM avatars (humanoids only; port {} if none is given). {}[:HOST][:PORT]: one JSON object \
+         for programs that show VRM avatars (humans only; port {} if none is given). {}[:HOST][:PORT]: one JSON object \
          a UDP datagram, any skeleton, for Blender with our extension ({}). {}[:ADDRESS][:PORT]: the same as a WebSocket \
          served here ({}). Without a host, this machine only",
         vmc.0, vmc.1, json.0, json.1, ws.0, ws.1

@@ -199,7 +199,7 @@ impl Outlet {
             StreamKind::Vmc => {
                 let Some(vmc) = VmcSkeleton::new(skeleton) else {
                     let what =
-                        format!("{target}: no hips were recognised in {}, and VMC is for humanoids", skeleton.subject);
+                        format!("{target}: {} was not recognised as a human, and VMC is for humans", skeleton.subject);
                     return Err(Failure::usage(what, "stream it as json or ws, which take any skeleton"));
                 };
                 let (socket, to) = datagrams(target)?;

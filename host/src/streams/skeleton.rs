@@ -1,6 +1,6 @@
 //! What is streamed: a skeleton, known from the start, and its poses.
 
-use armature_rig::{HumanoidBone, Skeleton, recognise};
+use armature_rig::{Figure, HumanoidBone, Skeleton, recognise};
 use glam::{Affine3A, Quat, Vec3};
 
 /// A bone of a streamed skeleton.
@@ -22,6 +22,8 @@ pub struct StreamedBone {
 pub struct StreamedSkeleton {
     /// The character's name.
     pub subject: String,
+    /// What it is.
+    pub figure: Figure,
     /// Its bones, parents first.
     pub bones: Vec<StreamedBone>,
 }
@@ -39,10 +41,11 @@ impl StreamedSkeleton {
     /// A character's skeleton.
     pub fn new(subject: &str, skeleton: &Skeleton) -> Self {
         let rest = skeleton.rest_model_from_bone();
-        let recognised = recognise(skeleton).bones;
-        let bones = skeleton.bones().iter().zip(rest).zip(recognised);
+        let recognised = recognise(skeleton);
+        let bones = skeleton.bones().iter().zip(rest).zip(recognised.bones);
         Self {
             subject: subject.to_owned(),
+            figure: recognised.figure,
             bones: bones
                 .map(|((bone, rest_model_from_bone), recognised)| StreamedBone {
                     name: bone.name.clone(),

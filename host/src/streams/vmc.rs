@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use armature_rig::{HumanoidBone, HumanoidPart, Side};
+use armature_rig::{Figure, HumanoidBone, HumanoidPart, Side};
 use glam::{Quat, Vec3};
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
 
@@ -34,11 +34,14 @@ struct VmcBone {
 }
 
 impl VmcSkeleton {
-    /// `None` if the skeleton has no hips to hang the others on.
+    /// `None` if it is no human, or has no hips to hang the other bones on.
     pub(super) fn new(skeleton: &StreamedSkeleton) -> Option<Self> {
         let head = |index: usize| Vec3::from(skeleton.bones[index].rest_model_from_bone.translation);
         let hips = HumanoidBone { part: HumanoidPart::Hips, side: None };
-        skeleton.bones.iter().find(|bone| bone.humanoid == Some(hips))?;
+        let is_whole = skeleton.bones.iter().any(|bone| bone.humanoid == Some(hips));
+        if skeleton.figure != Figure::Human || !is_whole {
+            return None;
+        }
         let recognised = skeleton.bones.iter().enumerate().filter_map(|(index, bone)| Some((index, bone.humanoid?)));
         let bones = recognised.map(|(index, humanoid)| {
             let parent = skeleton.humanoid_parent(index).filter(|_| humanoid != hips);

@@ -297,7 +297,11 @@ fn streams_that_cannot_be_are_named() {
     let run = ["run", "--device", "sim:human", "--seconds", "1", "--stream"];
     place.fails(2, "osc", &[&run[..], &["osc:1"]].concat());
     place.fails(2, "--virtual-clock", &[&run[..], &["vmc", "--virtual-clock"]].concat());
-    place.fails(2, "spider", &["run", "--device", "sim:spider", "--character", "spider", "--stream", "vmc"]);
+    place.fails(
+        2,
+        "spider",
+        &["run", "--device", "sim:spider", "--character", "spider", "--seconds", "1", "--stream", "vmc"],
+    );
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let target = format!("ws:{}", taken.local_addr().unwrap().port());
     place.fails(3, &target[..2], &[&run[..], &[&target]].concat());
