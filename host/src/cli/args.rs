@@ -6,8 +6,8 @@ use armature_sim::serve;
 use clap::{Args, ValueEnum};
 
 use super::names::{arm_help, character_help, device_help, puppet_help, vertices_help};
-use crate::characters::ground::GroundArgs;
 use super::stream_args::StreamArgs;
+use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::engine::sources::simulated::SimulatedArgs;
 use crate::files::Overwrite;
