@@ -4,6 +4,7 @@
 //! those checks print that they are skipped; in CI they fail.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read};
 use std::net::{TcpStream, UdpSocket};
 use std::process::{Child, Command, Stdio};
@@ -145,7 +146,7 @@ fn assert_same_humanoid(messages: &Messages, skeleton: &Skeleton, poses: &BTreeM
             let (_, args) = messages.iter().rfind(of_bone).unwrap_or_else(|| panic!("{name} is missing"));
             let args = Value::from(args[1..].to_vec());
             let [x, y, z, qx, qy, qz, qw] = numbers::<7>(&args);
-            shown = shown * Affine3A::from_rotation_translation(Quat::from_xyzw(qx, qy, qz, qw), Vec3::new(x, y, z));
+            shown *= Affine3A::from_rotation_translation(Quat::from_xyzw(qx, qy, qz, qw), Vec3::new(x, y, z));
             shown
         })
         .collect();
@@ -207,8 +208,12 @@ fn what_other_programs_receive_is_what_the_take_has() {
 
 fn assert_read_by_python(place: &Place, datagrams: &[Vec<u8>], expected: &[Messages]) {
     let Some(python) = tool("ARMATURE_MESHIO_PYTHON", "python-osc") else { return };
-    let hex = |bytes: &Vec<u8>| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
-    let lines = place.write("datagrams.txt", datagrams.iter().map(hex).collect::<Vec<_>>().join("\n"));
+    let mut lines = String::new();
+    for datagram in datagrams {
+        datagram.iter().for_each(|byte| write!(lines, "{byte:02x}").unwrap());
+        lines.push('\n');
+    }
+    let lines = place.write("datagrams.txt", lines);
     let result = place.path("osc.json");
     let status = Command::new(python).arg(script("osc_check.py")).args([&lines, &result]).status().unwrap();
     assert!(status.success());
