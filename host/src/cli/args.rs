@@ -6,12 +6,12 @@ use armature_sim::serve;
 use clap::{Args, ValueEnum};
 
 use super::names::{arm_help, character_help, device_help, puppet_help, vertices_help};
-use super::stream_args::StreamArgs;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::engine::sources::simulated::SimulatedArgs;
 use crate::files::Overwrite;
 use crate::pictures::slice::Axis;
+use crate::streams::StreamArgs;
 
 /// `armature demo`
 #[derive(Debug, Args)]
@@ -333,7 +333,7 @@ fn seconds(text: &str) -> Result<f64, String> {
     if text.parse() == Ok(0.0) { Ok(0.0) } else { positive_seconds(text) }
 }
 
-pub(super) fn sample_rate(text: &str) -> Result<f64, String> {
+fn sample_rate(text: &str) -> Result<f64, String> {
     let rate: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
     if rate.is_finite() && (1.0..=4000.0).contains(&rate) { Ok(rate) } else { Err("give 1 to 4000 a second".into()) }
 }

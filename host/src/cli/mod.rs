@@ -5,7 +5,6 @@ pub mod edit_args;
 pub mod function_args;
 pub mod names;
 pub mod puppet_args;
-pub mod stream_args;
 pub mod surface_args;
 pub mod take_args;
 pub mod weight_args;

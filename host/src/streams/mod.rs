@@ -7,10 +7,12 @@
 mod json;
 mod sender;
 mod skeleton;
+mod stream_args;
 mod target;
 mod vmc;
 mod web_socket;
 
 pub use sender::{StreamReport, Streams};
 pub use skeleton::{StreamedBone, StreamedPose, StreamedSkeleton};
+pub use stream_args::StreamArgs;
 pub use target::{StreamKind, StreamTarget};

@@ -3,9 +3,10 @@
 use armature_rig::Skeleton;
 use clap::Args;
 
-use super::args::sample_rate;
+use super::sender::Streams;
+use super::skeleton::StreamedSkeleton;
+use super::target::{StreamKind, StreamTarget};
 use crate::failure::Failure;
-use crate::streams::{StreamKind, StreamTarget, StreamedSkeleton, Streams};
 
 /// Live streams.
 #[derive(Clone, Debug, Args)]
@@ -14,7 +15,7 @@ pub struct StreamArgs {
     #[expect(missing_docs, reason = "its help is put together from the kinds there are")]
     pub targets: Vec<StreamTarget>,
     /// Poses per second in each stream, at most
-    #[arg(long, value_name = "HERTZ", default_value_t = 60.0, requires = "targets", value_parser = sample_rate)]
+    #[arg(long, value_name = "HERTZ", default_value_t = 60.0, requires = "targets", value_parser = stream_rate)]
     pub stream_rate: f64,
 }
 
@@ -26,6 +27,11 @@ impl StreamArgs {
         }
         Streams::open(&self.targets, self.stream_rate, StreamedSkeleton::new(subject, skeleton)).map(Some)
     }
+}
+
+fn stream_rate(text: &str) -> Result<f64, String> {
+    let rate: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
+    if rate.is_finite() && (1.0..=1000.0).contains(&rate) { Ok(rate) } else { Err("give 1 to 1000 a second".into()) }
 }
 
 fn stream_help() -> String {
