@@ -14,7 +14,10 @@ const MOST_STEPS: usize = 80;
 const SHORT_OF: f64 = 0.995;
 
 /// After this many steps in a row that made nothing better, the best is all there is.
-const PATIENCE: usize = 6;
+const PATIENCE: usize = 12;
+
+/// A corrected step that is shorter than this is blocked: products of slacks and multipliers are too unequal.
+const BLOCKED: f64 = 0.2;
 
 /// Corrections of each solution by what is left of its equation: near the end the matrices are badly conditioned.
 const REFINEMENTS: usize = 2;
@@ -72,11 +75,19 @@ impl RisingEdges<'_> {
             let corrected = self.newton_step(&factor, &point, &missed, &decided, |k, product| {
                 product + predicted.slacks[k] * predicted.multipliers[k] - target
             })?;
-            let (primal, dual) =
-                (room(&point.slacks, &corrected.slacks), room(&point.multipliers, &corrected.multipliers));
             // A quadratic energy couples both: steps of one length keep what stationarity has gained.
-            let length = (SHORT_OF * primal.min(dual)).min(1.0);
-            point = advanced(&point, &corrected, length, length);
+            let mut length = length_of(&point, &corrected);
+            let mut taken = corrected;
+            if length < BLOCKED {
+                // Towards equal products first, then on.
+                let centred =
+                    self.newton_step(&factor, &point, &missed, &decided, |_, product| product - complementarity)?;
+                let longer = length_of(&point, &centred);
+                if longer > length {
+                    (length, taken) = (longer, centred);
+                }
+            }
+            point = advanced(&point, &taken, length, length);
             steps += 1;
             if !point.unknowns.iter().chain(&point.multipliers).all(|value| value.is_finite()) {
                 break;
@@ -177,6 +188,11 @@ fn advanced(point: &Point, step: &Step, primal: f64, dual: f64) -> Point {
         slacks: moved(&point.slacks, &step.slacks, primal),
         multipliers: moved(&point.multipliers, &step.multipliers, dual),
     }
+}
+
+/// How far a step goes, at most one: short of where a slack or a multiplier becomes zero.
+fn length_of(point: &Point, step: &Step) -> f64 {
+    (SHORT_OF * room(&point.slacks, &step.slacks).min(room(&point.multipliers, &step.multipliers))).min(1.0)
 }
 
 /// The longest step, at most one, with which nothing becomes negative.
