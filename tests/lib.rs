@@ -12,6 +12,7 @@ use armature::engine::command::RunPlan;
 use armature::engine::drive::drive_run;
 use armature::engine::input::{Input, LineNews, Request};
 use armature::engine::machine::{Engine, EngineSettings};
+use armature::engine::puppet_rest::PuppetRest;
 use armature::engine::puppeteer::ZeroPolicy;
 use armature::engine::run_summary::RunSummary;
 use armature::engine::sources::{Source, VirtualSource};
@@ -96,6 +97,8 @@ pub struct Setup {
     pub filter: Filter,
     /// Which joint drives which bone; `None`: as is proposed.
     pub mapping: Option<Mapping>,
+    /// The pose in which the puppet is zeroed.
+    pub puppet_rest: PuppetRest,
 }
 
 impl Setup {
@@ -109,6 +112,7 @@ impl Setup {
             ground: GroundArgs::default(),
             filter: Filter::None,
             mapping: None,
+            puppet_rest: PuppetRest::default(),
         }
     }
 }
@@ -136,6 +140,7 @@ pub fn perform_from(source: VirtualSource, character: &Arc<LoadedCharacter>, set
         zero_policy: ZeroPolicy::AtStart,
         calibration,
         mapping: setup.mapping.clone(),
+        puppet_rest: setup.puppet_rest,
         ik: setup.ik.clone(),
         ground: setup.ground.clone(),
         draws: false,

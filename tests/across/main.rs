@@ -12,6 +12,7 @@ mod mocap;
 mod mounting;
 mod noise;
 mod replay;
+mod rest_pose;
 mod standing;
 mod tapped;
 mod volumes;

@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use super::names::{arm_help, character_help, device_help, puppet_help, vertices_help};
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
+use crate::engine::puppet_rest::PuppetRest;
 use crate::engine::sources::simulated::SimulatedArgs;
 use crate::files::Overwrite;
 use crate::pictures::slice::Axis;
@@ -144,6 +145,11 @@ pub struct RunArgs {
     /// Which joint drives which bone (TOML); without it, proposed from the shapes of puppet and skeleton
     #[arg(long, value_name = "TOML")]
     pub mapping: Option<PathBuf>,
+    /// The pose in which the puppet is zeroed: t (arms out), a (arms half down), puppet (what is known of a simulated
+    /// one), or character (as the character rests: no bone is turned). Without it, what --mapping says; without that,
+    /// puppet. --save-mapping writes what is turned
+    #[arg(long, value_name = "POSE")]
+    pub puppet_rest: Option<PuppetRest>,
     /// Save the mapping in use, so that you can correct it
     #[arg(long, value_name = "TOML")]
     pub save_mapping: Option<PathBuf>,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use armature_device::servo::{EepromConsent, ServoSettings};
-use armature_rig::{Calibration, Mapping};
+use armature_rig::{Calibration, Mapping, RestTurn};
 use armature_take::Header;
 
 use crate::characters::{self, LoadedCharacter};
@@ -14,7 +14,7 @@ use crate::engine::drive::drive_run;
 use crate::engine::event::EngineEvent;
 use crate::engine::inbox::Inbox;
 use crate::engine::machine::{Engine, EngineSettings};
-use crate::engine::puppeteer::ZeroPolicy;
+use crate::engine::puppeteer::{Puppeteer, ZeroPolicy};
 use crate::engine::run_summary::RunSummary;
 use crate::engine::sources::address::{is_simulated, name_device, named, with_preset};
 use crate::engine::sources::{LiveSettings, LiveSource, VirtualSource};
@@ -22,7 +22,7 @@ use crate::engine::take_recorder::take_header;
 use crate::failure::Failure;
 use crate::settings;
 use crate::streams::Streams;
-use crate::terminal::{Bar, Talk, aside, out};
+use crate::terminal::{Bar, Talk, aside, counted, out};
 
 /// Drives a character with a puppet, and records.
 pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
@@ -53,6 +53,7 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         samples_per_second: args.rate,
         zero_policy: if args.zero { ZeroPolicy::AtStart } else { ZeroPolicy::WhenUnknown },
         mapping: args.mapping.as_deref().map(settings::read_mapping).transpose()?,
+        puppet_rest: args.puppet_rest.unwrap_or_default(),
         calibration,
         ik: args.ik.clone(),
         ground: args.ground.clone(),
@@ -82,6 +83,9 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         if !doubts.is_empty() {
             out!("{}", mapping_line(doubts));
         }
+        if let Some(line) = engine.puppeteer().and_then(rest_line) {
+            out!("{line}");
+        }
     }
     summary.trouble.map_or(Ok(()), Err)
 }
@@ -94,6 +98,22 @@ fn mapping_line(doubts: &[String]) -> String {
     format!(
         "mapping    proposed by shape, {choices} choice{plural} uncertain (-v lists them; to correct: --save-mapping FILE, edit it, --mapping FILE)"
     )
+}
+
+/// One line about how the character's rest pose was turned to the puppet's; each bone is for those who ask.
+fn rest_line(puppeteer: &Puppeteer) -> Option<String> {
+    let turns = puppeteer.mapping().map_or(&[][..], |mapping| mapping.rest.as_slice());
+    if turns.is_empty() {
+        return puppeteer.rest_note().map(|note| format!("rest pose  {note}"));
+    }
+    for RestTurn { bone, degrees } in turns {
+        tracing::info!("rest pose: {bone} turned by {:.1}° ({degrees})", degrees.length());
+    }
+    let most = turns.iter().map(RestTurn::angle).fold(0.0, f32::max);
+    let bones = counted(turns.len(), "bone", "bones");
+    Some(format!(
+        "rest pose  {bones} of the character turned to the puppet's, by up to {most:.0}° (-v lists them; to correct: --save-mapping FILE, edit it, --mapping FILE; not at all: --puppet-rest character)"
+    ))
 }
 
 fn tell(talk: Talk, lines: impl Iterator<Item = String>) {

@@ -18,6 +18,7 @@ pub mod machine;
 pub mod pipeline;
 pub mod playback;
 mod player;
+pub mod puppet_rest;
 pub mod puppeteer;
 mod run;
 pub mod run_summary;

@@ -15,6 +15,7 @@ use armature_rig::{
 use armature_take::InverseKinematicsHeader;
 use glam::{Affine3A, Quat};
 
+use super::puppet_rest::{PuppetRest, RestMatcher, is_part_of};
 use super::shaped_skin::ShapedSkin;
 use crate::characters::LoadedCharacter;
 use crate::characters::ground::GroundArgs;
@@ -81,6 +82,7 @@ pub struct Puppeteer {
     mapping_doubts: Vec<String>,
     /// What joints without a bone turn, and the puppet for which that was found.
     carried: Option<(JointTree, Vec<MappingEntry>)>,
+    rest: RestMatcher,
     hints: PuppetHints,
     replaced: Vec<PartUid>,
     zero_policy: ZeroPolicy,
@@ -120,6 +122,7 @@ impl Puppeteer {
             proposed: None,
             mapping_doubts: Vec::new(),
             carried: None,
+            rest: RestMatcher::default(),
             hints: PuppetHints::default(),
             replaced: Vec::new(),
             zero_policy,
@@ -129,6 +132,12 @@ impl Puppeteer {
             ground: None,
             model_from_bone,
         })
+    }
+
+    /// With a puppet that is zeroed in this pose.
+    #[must_use]
+    pub fn with_puppet_rest(self, puppet_rest: PuppetRest) -> Self {
+        Self { rest: RestMatcher::new(puppet_rest), ..self }
     }
 
     /// With what is known of the puppet besides its tree.
@@ -196,6 +205,9 @@ impl Puppeteer {
             Some(mapping) => mapping.clone(),
             None => self.proposal(&tree),
         };
+        if self.chosen_mapping.is_none() || self.rest.is_asked_for() {
+            mapping.rest = self.rest.turns(&tree, &mapping, &self.character.skeleton, &self.hints);
+        }
         mapping.carried = self.carried(&tree, &mapping);
         let mut calibration = self.solver.calibration().clone();
         self.replaced = calibration.forget_misfits(&tree);
@@ -231,16 +243,22 @@ impl Puppeteer {
         proposal.mapping
     }
 
+    /// Why the character's rest pose was not turned to the puppet's, where that might be expected.
+    pub fn rest_note(&self) -> Option<&str> {
+        self.rest.note()
+    }
+
     /// What joints without a bone turn; like a proposal, it holds while parts are unplugged.
     fn carried(&mut self, tree: &JointTree, mapping: &Mapping) -> Vec<MappingEntry> {
         if let Some((_, carried)) = self.carried.as_ref().filter(|(whole, _)| is_part_of(tree, whole)) {
             return carried.clone();
         }
-        let skeleton = &self.character.skeleton;
-        let mut carried = armature_rig::carried(tree, mapping, &Mapping::default(), skeleton);
+        // A turn that cannot be used is an error of the first sample.
+        let rested = mapping.rested(&self.character.skeleton).unwrap_or_else(|_| self.character.skeleton.clone());
+        let mut carried = armature_rig::carried(tree, mapping, &Mapping::default(), &rested);
         if !carried.is_empty() {
-            let likely = armature_rig::propose_with(tree, skeleton, &self.hints).mapping;
-            carried = armature_rig::carried(tree, mapping, &likely, skeleton);
+            let likely = armature_rig::propose_with(tree, &self.character.skeleton, &self.hints).mapping;
+            carried = armature_rig::carried(tree, mapping, &likely, &rested);
         }
         self.carried = Some((tree.clone(), carried.clone()));
         carried
@@ -306,6 +324,7 @@ impl Puppeteer {
         self.forget_past();
         self.proposed = None;
         self.carried = None;
+        self.rest.forget();
         self.mapping_doubts.clear();
         self.zero_wish = ZeroWish::Nothing;
         self.waited_samples = 0;
@@ -463,24 +482,6 @@ fn fresh_solver(character: &LoadedCharacter, calibration: Calibration) -> Stream
     solver.engage(ENGAGE_MICROS, false);
     solver.return_over(ENGAGE_MICROS);
     solver
-}
-
-/// Whether every joint of a tree hangs on the same joint in a larger one. Splitters between them do not count: one that
-/// is swapped for another, or plugged together in another order, leaves the joints the bones they had.
-fn is_part_of(tree: &JointTree, whole: &JointTree) -> bool {
-    let joint_above = |tree: &JointTree, part: usize| {
-        let mut above = tree.parts()[part].parent;
-        while let Some(index) = above.filter(|&index| tree.parts()[index].kind.axes().is_empty()) {
-            above = tree.parts()[index].parent;
-        }
-        above.map(|index| tree.parts()[index].uid)
-    };
-    let joints = tree.parts().iter().enumerate().filter(|(_, part)| !part.kind.axes().is_empty());
-    joints.into_iter().all(|(index, part)| {
-        whole.find(part.uid).is_some_and(|same| {
-            whole.parts()[same].kind == part.kind && joint_above(whole, same) == joint_above(tree, index)
-        })
-    })
 }
 
 #[cfg(test)]

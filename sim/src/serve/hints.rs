@@ -1,6 +1,9 @@
 //! What a host may know of a simulated puppet that a real one would not say.
 
+use std::collections::BTreeMap;
+
 use armature_rig::{Motion, PartUid, PuppetHints, PuppetKind};
+use glam::Vec3;
 
 use super::options::{Options, OptionsError};
 use crate::body::Body;
@@ -13,8 +16,28 @@ pub fn hints_of(body: &Body) -> PuppetHints {
     PuppetHints {
         kind: (body.name() == "hand").then_some(PuppetKind::Hand),
         names: joints.map(|part| (PartUid(part.uid.0), part.label.clone())).collect(),
+        rest: limbs_in_t(body),
+        trunk: Some(Vec3::Y),
         ..PuppetHints::default()
     }
+}
+
+/// Where the arms and legs of the built-in people point: they stand in a T.
+fn limbs_in_t(body: &Body) -> BTreeMap<PartUid, Vec3> {
+    let limb = |label: &str| {
+        let (side, joint) = label.split_once('_')?;
+        let out = match side {
+            "left" => Vec3::X,
+            "right" => Vec3::NEG_X,
+            _ => return None,
+        };
+        match joint {
+            "shoulder" | "elbow" | "forearm" | "wrist" => Some(out),
+            "hip" | "knee" => Some(Vec3::NEG_Y),
+            _ => None,
+        }
+    };
+    body.parts().iter().filter_map(|part| Some((PartUid(part.uid.0), limb(&part.label)?))).collect()
 }
 
 /// What a motion's skeleton says of the puppet that is made from it.

@@ -31,7 +31,7 @@
 //! | [`steps`] | [`CalibrationRun::take`] and [`finish`](CalibrationRun::finish): zero, sweep, mounting, heading |
 //! | [`filter`] | [`Filter`], and its lag |
 //! | [`recognise`](mod@recognise) | [`recognise`](fn@recognise) what a skeleton and each of its bones is |
-//! | [`mapping`] | [`propose`] which part drives which bone |
+//! | [`mapping`] | [`propose`] which part drives which bone; [`match_rest`]: the character's rest pose as the puppet's |
 //! | [`ground`] | [`GroundContact::follow`]: roots that follow the foot on the floor |
 //! | [`pose`] | [`StreamSolver::solve`] a sample into a pose |
 //!
@@ -57,7 +57,8 @@ pub use calibration::{
 pub use filter::{DEFAULT_PATIENCE_SECONDS, Filter, FilterError, OneEuro};
 pub use ground::{Ground, GroundContact, GroundError, GroundMode, GroundPoint};
 pub use mapping::{
-    Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind, carried, propose, propose_with,
+    LEAST_REST_TURN, Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind, RestMatch, RestPose,
+    RestTurn, carried, match_rest, match_rest_pose, propose, propose_with,
 };
 pub use pose::{BoneQuality, BoneStatus, PoseCompletion, PoseSolver, SampleError, SolveError, StreamSolver};
 pub use puppet::{

@@ -27,6 +27,7 @@ use super::event::{EngineEvent, Problem};
 use super::frames::{self, FrameClock};
 use super::input::{Input, LoadId, LoadNews, Request, Shell, TakeFile, TakeName};
 use super::pipeline::Pipeline;
+use super::puppet_rest::PuppetRest;
 use super::puppeteer::{Puppeteer, ZeroPolicy};
 use super::run::{Run, STATUS_SECONDS};
 use super::run_summary::RunSummary;
@@ -51,6 +52,8 @@ pub struct EngineSettings {
     pub zero_policy: ZeroPolicy,
     /// As chosen by the user; `None`: proposed for each puppet.
     pub mapping: Option<Mapping>,
+    /// The pose in which the puppet is zeroed.
+    pub puppet_rest: PuppetRest,
     /// What is known about the joints of puppets whose line has no calibration of its own.
     pub calibration: Calibration,
     /// What happens to bones without a joint.
@@ -69,6 +72,7 @@ impl Default for EngineSettings {
             samples_per_second: SAMPLES_PER_SECOND,
             zero_policy: ZeroPolicy::WhenUnknown,
             mapping: None,
+            puppet_rest: PuppetRest::default(),
             calibration: Calibration::default(),
             ik: IkArgs::default(),
             ground: GroundArgs::default(),
@@ -330,8 +334,9 @@ impl Engine {
             (None, _) => &self.settings.calibration,
         };
         let hints = if let Line::Open(open) = &self.line { open.hints.clone() } else { PuppetHints::default() };
-        let EngineSettings { mapping, zero_policy, ik, ground, .. } = &self.settings;
+        let EngineSettings { mapping, zero_policy, puppet_rest, ik, ground, .. } = &self.settings;
         let puppeteer = Puppeteer::new(character.clone(), mapping.clone(), calibration.clone(), *zero_policy)?
+            .with_puppet_rest(*puppet_rest)
             .with_hints(hints)
             .with_inverse_kinematics(ik)?
             .with_ground(ground)?;

@@ -33,7 +33,6 @@ use super::toml_text::{check_version, line_at, toml_error, utf8};
 use crate::FormatError;
 
 const VERSION: u32 = 2;
-const OLDEST_VERSION: u32 = 1;
 const MAX_SENSORS: usize = 3;
 const REMEDY: &str = "Correct the line, or delete the file and zero the puppet again";
 /// A quaternion typed by hand is a little off; one further off is not a rotation.
@@ -101,9 +100,7 @@ enum AxisDto {
 pub fn read_calibration(bytes: &[u8]) -> Result<Calibration, FormatError> {
     let text = utf8(bytes, REMEDY)?;
     let file: FileDto = toml::from_str(text).map_err(|e| toml_error(text, &e, REMEDY))?;
-    if file.version != OLDEST_VERSION {
-        check_version("calibration", file.version, VERSION)?;
-    }
+    check_version("calibration", file.version, VERSION)?;
     let mut calibration = Calibration::default();
     if let Some(filter) = &file.filter {
         let line = line_at(text, filter.span().start);

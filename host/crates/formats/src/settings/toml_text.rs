@@ -12,8 +12,9 @@ pub(super) fn toml_error(text: &str, error: &toml::de::Error, remedy: &str) -> F
     FormatError::line("", line, error.message(), remedy)
 }
 
+/// `known`: the newest version there is, and all before it.
 pub(super) fn check_version(what: &str, got: u32, known: u32) -> Result<(), FormatError> {
-    if got == known {
+    if (1..=known).contains(&got) {
         return Ok(());
     }
     let what = format!("this is a {what} file of version {got}, but this program knows version {known}");

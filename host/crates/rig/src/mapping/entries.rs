@@ -2,8 +2,10 @@
 
 use glam::Quat;
 
+use super::rest_turn::RestTurn;
 use crate::calibration::CalibrationError;
 use crate::puppet::PartUid;
+use crate::skeleton::{Bone, Skeleton};
 
 /// One part drives one bone.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +39,35 @@ pub struct Mapping {
     /// Joints without a bone of their own, each once for every bone that it turns together with the joints below it; see
     /// [`carried`](crate::carried). Their bones are driven by `entries` too.
     pub carried: Vec<MappingEntry>,
+    /// What turns the character's rest pose into the one in which the puppet is zeroed; a bone at most once. Empty: the
+    /// puppet is zeroed in the character's rest pose.
+    pub rest: Vec<RestTurn>,
+}
+
+impl Mapping {
+    /// The character's skeleton with the bones turned as [`rest`](Self::rest) says: what the puppet's zero looks like.
+    /// Without turns it is the skeleton itself, bit for bit.
+    pub fn rested(&self, skeleton: &Skeleton) -> Result<Skeleton, MappingError> {
+        let mut bones: Vec<Bone> = skeleton.bones().to_vec();
+        let mut turns: Vec<Option<Quat>> = vec![None; bones.len()];
+        for turn in &self.rest {
+            let found = skeleton.find(&turn.bone);
+            let bone = found.ok_or_else(|| MappingError::UnknownRestBone { bone: turn.bone.clone() })?;
+            let bad = || MappingError::BadRestTurn { bone: turn.bone.clone() };
+            let rotation = turn.rotation().filter(|_| turns[bone].is_none()).ok_or_else(bad)?;
+            turns[bone] = Some(rotation);
+        }
+        // `model_from_bone`, rotations alone.
+        let mut model: Vec<Quat> = Vec::with_capacity(bones.len());
+        for (index, bone) in bones.iter_mut().enumerate() {
+            let above = bone.parent.map_or(Quat::IDENTITY, |parent| model[parent]);
+            if let Some(turn) = turns[index] {
+                bone.rest.rotation = (above.inverse() * turn * above * bone.rest.rotation).normalize();
+            }
+            model.push((above * bone.rest.rotation).normalize());
+        }
+        Skeleton::new(bones).map_err(|_| MappingError::BadRestTurn { bone: String::new() })
+    }
 }
 
 /// Why a mapping cannot be used with this puppet and this skeleton.
@@ -75,6 +106,18 @@ pub enum MappingError {
     BadMounting {
         /// The part.
         part: PartUid,
+    },
+    /// The skeleton has no such bone to turn.
+    #[error("the mapping turns the rest pose of the bone {bone:?}, which the skeleton does not have")]
+    UnknownRestBone {
+        /// The name given.
+        bone: String,
+    },
+    /// A bone's rest is turned twice, or by something that is no number.
+    #[error("the rest pose of the bone {bone:?} is turned twice, or its turn is not a finite number of degrees")]
+    BadRestTurn {
+        /// The bone.
+        bone: String,
     },
     /// The calibration does not fit the parts.
     #[error(transparent)]

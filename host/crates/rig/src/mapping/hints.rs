@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
+use super::limb_directions::directions;
 use crate::puppet::PartUid;
 use crate::skeleton::Skeleton;
 
@@ -27,6 +28,10 @@ pub struct PuppetHints {
     /// From where to where its parts reach in the rest pose, in the character's frame (+Y up, facing +Z, its left at +X)
     /// and any unit.
     pub segments: BTreeMap<PartUid, (Vec3, Vec3)>,
+    /// Where its arms and legs point when it is zeroed, joint by joint, in the character's frame.
+    pub rest: BTreeMap<PartUid, Vec3>,
+    /// Where its trunk points then, from the hips to the arms.
+    pub trunk: Option<Vec3>,
 }
 
 impl PuppetHints {
@@ -35,6 +40,8 @@ impl PuppetHints {
     pub fn of_skeleton(skeleton: &Skeleton, uid: impl Fn(usize) -> PartUid) -> Self {
         let names = skeleton.bones().iter().enumerate().map(|(bone, b)| (uid(bone), b.name.clone())).collect();
         let segments = skeleton.rest_segments().into_iter().enumerate().map(|(bone, ends)| (uid(bone), ends)).collect();
-        Self { kind: None, names, segments }
+        let (limbs, trunk) = directions(skeleton);
+        let rest = limbs.into_iter().map(|(bone, direction)| (uid(bone), direction)).collect();
+        Self { kind: None, names, segments, rest, trunk }
     }
 }

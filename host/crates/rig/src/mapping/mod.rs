@@ -1,5 +1,6 @@
 //! Which part of the puppet drives which bone of the character ([`Mapping`]), and a first proposal ([`propose`],
-//! [`propose_with`] where more is known of the puppet).
+//! [`propose_with`] where more is known of the puppet), and how the character's rest pose becomes the puppet's
+//! ([`match_rest`], [`match_rest_pose`]).
 
 mod alignment;
 mod assignment;
@@ -8,12 +9,18 @@ mod carried;
 mod doubts;
 mod entries;
 mod hints;
+mod limb_directions;
 mod prices;
 mod propose;
 mod puppet_plan;
+mod rest_match;
+mod rest_turn;
 mod symmetry;
 
 pub use carried::carried;
 pub use entries::{Mapping, MappingEntry, MappingError};
 pub use hints::{PuppetHints, PuppetKind};
+pub use limb_directions::RestPose;
 pub use propose::{Proposal, propose, propose_with};
+pub use rest_match::{LEAST_REST_TURN, RestMatch, match_rest, match_rest_pose};
+pub use rest_turn::RestTurn;

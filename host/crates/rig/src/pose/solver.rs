@@ -63,7 +63,8 @@ const UNSEEN_MICROS: u64 = 33_000;
 /// Turns samples into poses.
 ///
 /// Bone rotation = heading · rest · Π F·Δ·F⁻¹ over its parts from the root outwards, with F = `bone_from_joint` ·
-/// mounting and Δ the part's own rotation. Translation and scale stay as in the rest pose.
+/// mounting and Δ the part's own rotation. The rest is the character's, turned as the mapping says
+/// ([`Mapping::rest`]). Translation and scale stay as in the rest pose.
 #[derive(Clone, Debug)]
 pub struct PoseSolver {
     rest: Vec<Transform>,
@@ -87,6 +88,13 @@ impl PoseSolver {
         mapping: &Mapping,
         skeleton: &Skeleton,
     ) -> Result<Self, MappingError> {
+        let rested;
+        let skeleton = if mapping.rest.is_empty() {
+            skeleton
+        } else {
+            rested = mapping.rested(skeleton)?;
+            &rested
+        };
         let rest_frames = skeleton.rest_model_from_bone();
         let mut solver = Self {
             returning: Returning::default(),

@@ -2,7 +2,7 @@
 
 use armature_rig::{
     Calibration, Filter, Ground, GroundMode, GroundPoint, JointAxis, Mapping, MappingEntry, OneEuro, PartSettings,
-    PartUid, SensorCalibration, SensorRange, Skeleton,
+    PartUid, RestTurn, SensorCalibration, SensorRange, Skeleton,
 };
 use glam::Quat;
 
@@ -157,9 +157,16 @@ fn read_filter(fields: &mut Fields<'_>) -> Result<Filter, PayloadError> {
 pub(super) fn put_mapping(out: &mut Vec<u8>, mapping: &Mapping) -> Result<(), WriteError> {
     put_count(out, "the mapping", mapping.entries.len(), MAX_PARTS)?;
     put_entries(out, &mapping.entries)?;
-    if !mapping.carried.is_empty() {
+    if !mapping.carried.is_empty() || !mapping.rest.is_empty() {
         put_count(out, "joints without a bone", mapping.carried.len(), usize::from(u16::MAX))?;
         put_entries(out, &mapping.carried)?;
+    }
+    if !mapping.rest.is_empty() {
+        put_count(out, "turns of the rest pose", mapping.rest.len(), usize::from(u16::MAX))?;
+        for turn in &mapping.rest {
+            put_text(out, "a bone's name", &turn.bone)?;
+            turn.degrees.to_array().into_iter().for_each(|degrees| out.put_f64(degrees.into()));
+        }
     }
     Ok(())
 }
@@ -181,7 +188,16 @@ pub(super) fn read_mapping(fields: &mut Fields<'_>) -> Result<Mapping, PayloadEr
     let entries = read_entries(fields, count)?;
     // Added after the first takes.
     let count = if fields.left() > 0 { usize::from(fields.u16("count of joints without a bone")?) } else { 0 };
-    Ok(Mapping { entries, carried: read_entries(fields, count)? })
+    let carried = read_entries(fields, count)?;
+    // Added after those.
+    let count = if fields.left() > 0 { usize::from(fields.u16("count of turns of the rest pose")?) } else { 0 };
+    let mut rest = Vec::new();
+    for _ in 0..count {
+        let bone = fields.text("bone name")?;
+        let mut degree = || Ok::<f32, PayloadError>(fields.f64("turn of the rest pose")? as f32);
+        rest.push(RestTurn { bone, degrees: [degree()?, degree()?, degree()?].into() });
+    }
+    Ok(Mapping { entries, carried, rest })
 }
 
 fn read_entries(fields: &mut Fields<'_>, count: usize) -> Result<Vec<MappingEntry>, PayloadError> {
