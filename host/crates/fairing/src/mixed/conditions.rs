@@ -14,8 +14,8 @@ use super::error::FairingError;
 ///   and for the gradient of the Laplacian its vertices are `bent` too.
 /// - **Point**: a vertex in `fixed`, inside the domain.
 /// - **Free** borders: those that nothing is said about. Their derivative is zero, as it is natural to the energy.
-/// - **Sharp** curves inside the domain, for the Laplacian energy: `fixed` and `bent`, with a Laplacian of zero. The two
-///   sides then meet there without knowing of each other.
+/// - **Sharp** curves inside the domain: `fixed` and `bent`, with a Laplacian of zero. The two sides then meet there without
+///   knowing of each other.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Conditions {
     /// Vertices with a given value.

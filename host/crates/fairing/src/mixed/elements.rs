@@ -77,6 +77,11 @@ impl Elements {
         self.lengths.iter().flatten().map(|l| l / sides).sum()
     }
 
+    /// The area of the domain.
+    pub(super) fn area(&self) -> f64 {
+        self.lengths.iter().map(|&lengths| 0.5 * bounded_doubled_area(lengths)).sum()
+    }
+
     /// Triangles so thin that their area is raised.
     pub fn slivers(&self) -> usize {
         self.lengths.iter().filter(|l| doubled_area(**l) < SLIVER * longest(**l).powi(2)).count()

@@ -11,6 +11,10 @@ use super::problem::{BentCurves, Energy, Form, Known, Parts, Settings};
 use super::reduced_system::ReducedSystem;
 use super::two_rows::{AlongBorder, TwoRows};
 
+/// Of the stabilised multipliers. Tuned on the study's meshes: larger ones make errors larger on all of them, smaller ones
+/// let the Laplacian converge more slowly on irregular ones.
+const STABILISATION: f64 = 0.01;
+
 /// A factorised problem.
 #[derive(Debug)]
 pub struct Fairing {
@@ -56,7 +60,9 @@ impl Fairing {
         let laplacian = elements.laplacian();
         let gradient = settings.energy == Energy::LaplacianGradient;
         let retained = settings.bent_curves == BentCurves::Retained && matches!(settings.form, Form::Mixed(_));
-        let rows = (gradient && !retained && !conditions.bent.is_empty())
+        let stabilised = gradient && settings.bent_curves == BentCurves::Stabilised;
+        let slack = if stabilised { slack(&elements, &checked) } else { vec![0.0; fixed.len()] };
+        let rows = (gradient && !retained && !stabilised && !conditions.bent.is_empty())
             .then(|| TwoRows::find(&elements, &laplacian, &checked, &fixed))
             .transpose()?;
         let placed = rows.iter().flat_map(|rows| &rows.placed);
@@ -77,6 +83,7 @@ impl Fairing {
             roles: &roles,
             free: &free,
             bent: &checked.bent,
+            slack: &slack,
         };
         let system = match settings.form {
             Form::Reduced(lumping) => System::Reduced(Box::new(ReducedSystem::factorise(&parts, lumping)?)),
@@ -170,6 +177,21 @@ impl Fairing {
         };
         Known { u, flux, v, source }
     }
+}
+
+/// How far the multiplier λ at a bent vertex is from enforcing its tangent: the term `-½∫cλ²` along the border, with
+/// `c = 0.01 ℓ² √A` for edges of length ℓ and an area A.
+///
+/// On irregular meshes `⟨∇u, ∇φ⟩` is off by a rough error of the first order at the border. Enforced, it makes λ grow
+/// without bound as the mesh is refined. The term takes away waves along the border that are shorter than about `ℓ^⅔`, and
+/// adds an error of the second order.
+fn slack(elements: &Elements, checked: &Checked) -> Vec<f64> {
+    let mut length = vec![0.0; checked.bent.len()];
+    for border in &checked.borders {
+        border.ends.iter().for_each(|&v| length[v as usize] += 0.5 * border.length);
+    }
+    let reach = STABILISATION * elements.area().sqrt();
+    length.iter().zip(&checked.bent).map(|(l, &bent)| if bent { reach * l.powi(3) } else { 0.0 }).collect()
 }
 
 /// Every part of the domain has a held vertex, and every free vertex a triangle.

@@ -4,8 +4,10 @@
 //! Laplacian:            gradient of the Laplacian:
 //! ⎡-M  L⎤ ⎡v⎤           ⎡ L  0 -M⎤ ⎡v⎤
 //! ⎣ L  0⎦ ⎣u⎦           ⎢ 0  0  L⎥ ⎢u⎥
-//!                       ⎣-M  L  0⎦ ⎣λ⎦
+//!                       ⎣-M  L  C⎦ ⎣λ⎦
 //! ```
+//!
+//! C is zero but for the stabilised multipliers of bent vertices.
 
 use armature_geometry::operators::SparseMatrix;
 
@@ -64,7 +66,10 @@ impl MixedSystem {
         let gradient = parts.energy == Energy::LaplacianGradient;
         let lambda: Vec<u32> = match (gradient, retained) {
             (false, _) => Vec::new(),
-            (true, false) => v.clone(),
+            (true, false) => {
+                let has = |i: usize| used[i] && near[i] && (!parts.bent[i] || parts.slack[i] > 0.0);
+                all.filter(|&i| has(i as usize)).collect()
+            }
             (true, true) => all.filter(|&i| near[i as usize] && used[i as usize]).collect(),
         };
         if retained {
@@ -207,6 +212,10 @@ fn assemble(parts: &Parts<'_>, mass: &SparseMatrix, layout: &Layout) -> SparseMa
         block(parts.laplacian, &layout.v_at, &layout.v_at, 1.0, false);
         block(parts.laplacian, &layout.lambda_at, &layout.u_at, 1.0, true);
         block(mass, &layout.lambda_at, &layout.v_at, -1.0, true);
+        for &vertex in layout.lambda.iter().filter(|&&v| parts.slack[v as usize] > 0.0) {
+            let at = layout.lambda_at[vertex as usize];
+            entries.push((at, at, parts.slack[vertex as usize]));
+        }
     }
     let count = layout.v.len() + layout.u.len() + layout.lambda.len();
     SparseMatrix::from_triplets(count, count, &entries).unwrap_or_default()

@@ -37,8 +37,12 @@ pub enum Form {
 /// more equations than unknowns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BentCurves {
-    /// Tangents place the vertices beside the border first. Always solvable.
+    /// System (3.18) with stabilised multipliers: the tangents are met up to a small multiple of `Δ²u`, which falls with the
+    /// square of the edges' length. Always solvable, and converges on irregular meshes too.
     #[default]
+    Stabilised,
+    /// The thesis's reduction: tangents place the vertices beside the border first. Always solvable, but errors hardly fall
+    /// on irregular meshes.
     TwoRows,
     /// System (3.18), with an error where it is over-determined. Only in mixed form.
     Retained,
@@ -58,7 +62,7 @@ pub struct Settings {
 impl Settings {
     /// The reduced form with Voronoi areas, which has the smallest errors (thesis 3.5).
     pub fn new(energy: Energy) -> Self {
-        Self { energy, form: Form::Reduced(Lumping::VoronoiHybrid), bent_curves: BentCurves::TwoRows }
+        Self { energy, form: Form::Reduced(Lumping::VoronoiHybrid), bent_curves: BentCurves::Stabilised }
     }
 }
 
@@ -71,6 +75,8 @@ pub(super) struct Parts<'a> {
     pub(super) free: &'a [u32],
     /// Whether a vertex has a given Laplacian.
     pub(super) bent: &'a [bool],
+    /// How far the multipliers of bent vertices' tangents are from constraints; 0 where there is no tangent.
+    pub(super) slack: &'a [f64],
 }
 
 /// The known numbers of one component of u.

@@ -1,8 +1,8 @@
 //! The system in u alone (thesis eq. 3.12, and its like for the triharmonic equation).
 //!
 //! With `B = M⁻¹ L` the matrix is `Bᵀ M B` for the Laplacian energy and `-Bᵀ L B` for that of its gradient, restricted to
-//! the free vertices. It is never multiplied with: residuals go through L and M one after the other, which keeps more
-//! digits.
+//! the free vertices; stabilised multipliers add `Lᵀ C⁻¹ L` over bent vertices. It is never multiplied with: residuals go
+//! through L and M one after the other, which keeps more digits.
 
 use armature_geometry::operators::{Lumping, SparseMatrix};
 
@@ -22,6 +22,7 @@ pub(super) struct ReducedSystem {
     mass: Vec<f64>,
     free: Vec<u32>,
     bent: Vec<bool>,
+    slack: Vec<f64>,
     factor: Cholesky,
 }
 
@@ -34,7 +35,8 @@ impl ReducedSystem {
             FactorError::Singular => FairingError::Breakdown { slivers: parts.elements.slivers() },
             FactorError::OutOfMemory => FairingError::OutOfMemory { unknowns: parts.free.len() },
         })?;
-        Ok(Self { energy: parts.energy, mass, free: parts.free.to_vec(), bent: parts.bent.to_vec(), factor })
+        let (free, bent, slack) = (parts.free.to_vec(), parts.bent.to_vec(), parts.slack.to_vec());
+        Ok(Self { energy: parts.energy, mass, free, bent, slack, factor })
     }
 
     /// Replaces the free values of each `known.u`, all components with one pass through the factor; returns the largest
@@ -82,13 +84,22 @@ impl ReducedSystem {
             value[v] += flux;
             size[v] += flux.abs();
         }
+        let bent = || (0..self.bent.len()).filter(|&v| self.bent[v]);
+        let multiplier = |v: usize, value: f64, size: f64| match self.slack[v] {
+            0.0 => (0.0, 0.0),
+            slack => ((self.mass[v] * known.v[v] - value) / slack, (self.mass[v] * known.v[v].abs() + size) / slack),
+        };
+        let multipliers: Vec<(f64, f64)> = bent().map(|v| multiplier(v, value[v], size[v])).collect();
         self.divide(&mut value, &mut size);
-        for v in (0..value.len()).filter(|&v| self.bent[v]) {
+        for v in bent() {
             (value[v], size[v]) = (known.v[v], known.v[v].abs());
         }
         let (mut value, mut size) = product(laplacian, &value, &size);
         if self.energy == Energy::LaplacianGradient {
             self.divide(&mut value, &mut size);
+            for (v, multiplier) in bent().zip(multipliers) {
+                (value[v], size[v]) = multiplier;
+            }
             (value, size) = product(laplacian, &value, &size);
         }
         for (v, source) in known.source.iter().enumerate() {
@@ -185,6 +196,12 @@ fn upper_triangle(parts: &Parts<'_>, mass: &[f64]) -> (Vec<usize>, Vec<usize>, V
     for (column, &vertex) in parts.free.iter().enumerate() {
         from.clear();
         from.add(vertex as usize, 1.0);
+        let stabilised: Vec<(usize, f64)> = parts
+            .laplacian
+            .column(vertex as usize)
+            .filter(|&(row, _)| parts.slack[row] > 0.0)
+            .map(|(row, l)| (row, -l / parts.slack[row]))
+            .collect();
         to.add_product(parts.laplacian, &mut from, unbent);
         to.divide(mass);
         std::mem::swap(&mut from, &mut to);
@@ -193,6 +210,7 @@ fn upper_triangle(parts: &Parts<'_>, mass: &[f64]) -> (Vec<usize>, Vec<usize>, V
             // Only rows beside a free vertex are multiplied with again; others may have no mass.
             to.add_product(parts.laplacian, &mut from, |row| unbent(row) && mass[row] > 0.0);
             to.divide(mass);
+            stabilised.iter().for_each(|&(row, multiplier)| to.add(row, multiplier));
             std::mem::swap(&mut from, &mut to);
             sign = -1.0;
         }
