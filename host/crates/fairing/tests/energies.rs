@@ -35,7 +35,7 @@ fn mean_sample(family: Family, cells: usize, condition: Condition, settings: Set
     Sample { edge: mean(|s| s.edge), error: mean(|s| s.error.ln()).exp(), ..all[0] }
 }
 
-/// Largest difference from `wave` over the mesh.
+/// Largest difference from `wave` over the mesh, without a right-hand side.
 fn worst(family: Family, condition: Condition, settings: Settings, wave: &Wave) -> f64 {
     let flat = family.mesh(8, if condition == Condition::Region { 4 } else { 0 });
     let (conditions, (fixed, tangents, laplacians)) = held(&flat, condition, settings.energy, wave);
@@ -60,6 +60,18 @@ fn linear_functions_are_exact() {
             }
         }
     }
+}
+
+#[test]
+fn two_rows_are_exact_for_linear_functions_and_converge_on_regular_meshes() {
+    let linear = Wave { strength: 0.0, slope: [0.7, -1.3], ..Wave::STUDY };
+    let settings = Settings { bent_curves: BentCurves::TwoRows, ..Settings::new(Energy::LaplacianGradient) };
+    for (name, family) in FAMILIES {
+        let error = worst(family, Condition::Curve, settings, &linear);
+        assert!(error < 1e-10, "{name}: {error:e}");
+    }
+    let samples = [8, 16, 32].map(|cells| mean_sample(Family::Regular, cells, Condition::Curve, settings));
+    assert!(slope(&samples, 3) >= 1.5, "{}", slope(&samples, 3));
 }
 
 /// The slope that a problem must have on a family, with Voronoi areas; `None` where the thesis and we find none to rely on.
