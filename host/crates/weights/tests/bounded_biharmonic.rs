@@ -340,7 +340,7 @@ fn stops_when_asked() {
         assert_eq!(stopped, Err(BiharmonicError::Cancelled { stage: wanted }));
     }
     let settings = BiharmonicSettings { max_active_sets: 1, guess_steps: 1, ..BiharmonicSettings::certified() };
-    let early = setup.solve(&settings);
+    let early = held_bar(64).solve(&settings);
     assert!(
         early.reports.iter().any(|report| report.outcome == BiharmonicOutcome::LimitReached),
         "{:?}",

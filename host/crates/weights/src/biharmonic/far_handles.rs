@@ -11,9 +11,10 @@ use super::exchange_bounds::{Effort, End, Goal, Guess, HandleProblem, Solve};
 use super::held::Held;
 use super::problem::BiharmonicProblem;
 use crate::sparse::cholesky::CholeskyError;
+use crate::sparse::solve_together::LANES;
 
 /// Handles guessed together; a constant, so that results do not depend on the number of threads.
-pub(crate) const BLOCK: usize = 5;
+pub(crate) const BLOCK: usize = LANES;
 
 /// The guess's stiffness ρ in units of the mean Rayleigh quotient of the unbounded weights, `Σ wᵀAw / Σ wᵀMw`. On large
 /// meshes handles differ, and exchanges soon get further than steps; tuned on hand.mesh.
@@ -23,9 +24,9 @@ const STIFFNESS: f64 = 30.0;
 /// certificate.
 pub(crate) const FEWEST: usize = 3000;
 
-/// Stiffness and most steps there. Tuned on two volumes of 1,600 vertices.
-const STIFFNESS_OF_SMALL: f64 = 500.0;
-const STEPS_OF_SMALL: usize = 80;
+/// Stiffness and most steps there. Tuned on volumes of 1,900 to 2,900 vertices with 4 to 24 bones.
+const STIFFNESS_OF_SMALL: f64 = 200.0;
+const STEPS_OF_SMALL: usize = 40;
 
 /// Accelerated steps between certificates.
 const ROUND: usize = 20;

@@ -12,6 +12,10 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
 use rayon::prelude::*;
 
+use super::block::Block;
+use super::solve_one::{solve_lower, solve_upper};
+use super::solve_together::{LANES, solve_together};
+
 /// Right-hand sides solved together. A constant, so that results do not depend on the number of threads; eight keep the
 /// factor's blocks busy and still leave work for every core with the twenty bones of a typical skeleton.
 const BLOCK: usize = 8;
@@ -21,16 +25,6 @@ const BLOCK: usize = 8;
 pub(crate) struct SparseCholesky {
     symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
-}
-
-/// Columns of the factor that share their pattern below the diagonal block.
-pub(crate) struct Block<'a> {
-    pub(crate) start: usize,
-    pub(crate) width: usize,
-    /// Rows below the diagonal block, ascending.
-    pub(crate) pattern: &'a [usize],
-    /// `(width + pattern.len()) × width`, column-major; only the lower triangle of the diagonal block counts.
-    pub(crate) values: &'a [f64],
 }
 
 /// A fill-reducing elimination order (approximate minimum degree) of a symmetric matrix, given by the pattern of its
@@ -152,30 +146,36 @@ impl SparseCholesky {
     /// `‖L⁻¹ x‖²`, which is `xᵀ A⁻¹ x`, for a factor in its matrix's own order. Blocks that a sparse `x` does not reach
     /// cost nothing.
     pub(crate) fn inverse_norm_squared(&self, x: &mut [f64]) -> f64 {
-        let mut below = Vec::new();
-        for block in self.blocks() {
-            let (head, height) = (block.start..block.start + block.width, block.pattern.len());
-            if x[head.clone()].iter().all(|value| *value == 0.0) {
-                continue;
-            }
-            below.clear();
-            below.resize(height, 0.0);
-            for (k, column) in block.values.chunks_exact(block.width + height).enumerate() {
-                let (inside, outside) = column.split_at(block.width);
-                let value = x[block.start + k] / inside[k];
-                x[block.start + k] = value;
-                let rest = &mut x[block.start + k + 1..head.end];
-                rest.iter_mut().zip(&inside[k + 1..]).for_each(|(x, entry)| *x -= entry * value);
-                below.iter_mut().zip(outside).for_each(|(x, entry)| *x += entry * value);
-            }
-            block.pattern.iter().zip(&below).for_each(|(&row, value)| x[row] -= value);
-        }
+        solve_lower(&self.blocks(), x);
         x.iter().map(|value| value * value).sum()
     }
 
-    /// Solves for a few right-hand sides at once, column by column, on this thread.
+    /// Solves for a few right-hand sides at once, column after column, on this thread.
     pub(crate) fn solve_here(&self, columns: &mut [f64]) -> Result<(), CholeskyError> {
-        if self.rows() == 0 { Ok(()) } else { self.solve_block(columns) }
+        let rows = self.rows();
+        if rows == 0 {
+            return Ok(());
+        }
+        if self.symbolic.perm().is_some() {
+            return self.solve_block(columns);
+        }
+        let blocks = self.blocks();
+        if columns.len() == rows {
+            solve_lower(&blocks, columns);
+            solve_upper(&blocks, columns);
+            return Ok(());
+        }
+        let mut together = vec![[0.0; LANES]; rows];
+        for columns in columns.chunks_mut(rows * LANES) {
+            for (lane, column) in columns.chunks(rows).enumerate() {
+                together.iter_mut().zip(column).for_each(|(row, value)| row[lane] = *value);
+            }
+            solve_together(&blocks, &mut together);
+            for (lane, column) in columns.chunks_mut(rows).enumerate() {
+                together.iter().zip(column).for_each(|(row, value)| *value = row[lane]);
+            }
+        }
+        Ok(())
     }
 
     /// Number of unknowns.
@@ -256,6 +256,33 @@ mod tests {
         let error = b.iter().zip(&x).map(|(got, want)| (got - want).abs()).fold(0.0, f64::max);
         assert!(error < 1e-11, "error {error}");
         assert_eq!(factor.solve_in_place(&mut b, |_| false), Ok(false));
+    }
+
+    #[test]
+    fn columns_solved_together_and_alone_are_those_of_faer() {
+        // A chain and a wide band: blocks of one column and of many.
+        for (n, band) in [(50_u32, 1), (90, 30), (7, 6)] {
+            let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+            for column in 0..n {
+                for row in column.saturating_sub(band)..=column {
+                    rows.push(row as usize);
+                    values.push(if row == column { 2.0 * f64::from(band) } else { 0.4 * saw(row * column) });
+                }
+                starts.push(rows.len());
+            }
+            let factor = SparseCholesky::of_upper_in_order(&starts, &rows, &values).unwrap();
+            for count in [2, 5, 8, 11] {
+                let mut together: Vec<f64> = (0..n * count).map(saw).collect();
+                let (mut alone, mut by_faer) = (together.clone(), together.clone());
+                factor.solve_here(&mut together).unwrap();
+                alone.chunks_mut(n as usize).for_each(|column| factor.solve_here(column).unwrap());
+                factor.solve_in_place(&mut by_faer, |_| true).unwrap();
+                for own in [together, alone] {
+                    let error = own.iter().zip(&by_faer).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                    assert!(error < 1e-13, "{n} rows, {count} columns: {error}");
+                }
+            }
+        }
     }
 
     fn saw(i: u32) -> f64 {

@@ -6,7 +6,8 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
-use super::cholesky::{Block, SparseCholesky};
+use super::block::Block;
+use super::cholesky::SparseCholesky;
 
 /// `diag(A⁻¹)` in the factor's elimination order.
 pub(crate) fn inverse_diagonal(factor: &SparseCholesky) -> Vec<f64> {

@@ -70,8 +70,17 @@ impl Symmetric {
     pub(crate) fn multiply_into(&self, x: &[f64], y: &mut [f64]) {
         for (column, sum) in y.iter_mut().enumerate() {
             let range = self.starts[column]..self.starts[column + 1];
-            let terms = self.rows[range.clone()].iter().zip(&self.values[range]);
-            *sum = terms.map(|(&row, value)| value * x[row as usize]).sum();
+            let (rows, last_rows) = self.rows[range.clone()].as_chunks::<4>();
+            let (values, last_values) = self.values[range].as_chunks::<4>();
+            // Four sums do not wait for each other.
+            let mut sums = [0.0; 4];
+            for (rows, values) in rows.iter().zip(values) {
+                for k in 0..4 {
+                    sums[k] += values[k] * x[rows[k] as usize];
+                }
+            }
+            let last = last_rows.iter().zip(last_values).map(|(&row, value)| value * x[row as usize]);
+            *sum = (sums[0] + sums[1]) + (sums[2] + sums[3]) + last.sum::<f64>();
         }
     }
 
