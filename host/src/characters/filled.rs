@@ -41,11 +41,12 @@ pub fn fill_before_binding(
 }
 
 /// The model with the vertices and triangles of the patches. They are drawn like the surface beside them: each patch is a
-/// part of its own with the material of one that it touches, and its texture is that of the nearest place of the rim.
+/// part of its own with the material of one that it touches, and its texture and colour are those of the nearest place of
+/// the rim.
 pub fn with_patches(model: &Model, filled: &Filled) -> Model {
     let mut out = Model { mesh: filled.mesh.clone(), tetrahedra: None, ..model.clone() };
-    if model.split.is_none() && model.parts.is_empty() && model.normals.is_none() && model.texture_coordinates.is_none()
-    {
+    let is_plain = model.normals.is_none() && model.texture_coordinates.is_none() && model.vertex_colors.is_none();
+    if is_plain && model.split.is_none() && model.parts.is_empty() {
         return out;
     }
     let mut split = model.split.clone().unwrap_or_else(|| Split {
@@ -80,6 +81,10 @@ pub fn with_patches(model: &Model, filled: &Filled) -> Model {
             if let Some(list) = &mut out.texture_coordinates {
                 let coordinate = list.get(beside).copied().unwrap_or_default();
                 list.push(coordinate);
+            }
+            if let Some(list) = &mut out.vertex_colors {
+                let color = list.get(beside).copied().unwrap_or([1.0; 4]);
+                list.push(color);
             }
             if let Some(list) = &mut out.normals {
                 list.push(normals.get(v as usize).map_or([0.0, 1.0, 0.0], |n| n.map(|c| c as f32)));

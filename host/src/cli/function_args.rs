@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 
+use super::numbers::{not_negative, positive};
 use crate::files::Overwrite;
 
 /// Without `--detail`, this many mean edges of the mesh.
@@ -114,19 +115,4 @@ pub struct InterpolateArgs {
     /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
-}
-
-fn finite(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
-    if value.is_finite() { Ok(value) } else { Err("give a finite number".into()) }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let value = finite(text)?;
-    if value > 0.0 { Ok(value) } else { Err("give a number above 0".into()) }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    let value = finite(text)?;
-    if value >= 0.0 { Ok(value) } else { Err("give a number that is not negative".into()) }
 }

@@ -4,6 +4,7 @@ pub mod args;
 pub mod edit_args;
 pub mod function_args;
 pub mod names;
+mod numbers;
 pub mod puppet_args;
 pub mod surface_args;
 pub mod take_args;

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use armature_fairing::{Join, PatchSettings};
+use armature_fairing::{Domain, DomainSettings, Join, PatchSettings, RimShape};
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::numbers::{finite, positive};
 use crate::files::Overwrite;
 
 /// `armature surface`
@@ -62,6 +63,43 @@ impl JoinArgs {
     }
 }
 
+/// What a blend is a function on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BlendDomain {
+    /// As long around as the rims are on average, and as high as they are apart
+    Cylinder,
+    /// Around a hole as long as the shorter rim, as wide as the rims are apart
+    Annulus,
+}
+
+/// Blends that are functions on a parameter domain.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct DomainArgs {
+    /// Solve on this parameter domain, for two rims; otherwise on the surface itself, in rounds
+    #[arg(long, value_enum, requires = "angle")]
+    pub domain: Option<BlendDomain>,
+    /// The angle at the rim with the larger number, if another one than at the first (degrees)
+    #[arg(long, value_name = "DEGREES", requires = "domain", allow_negative_numbers = true, value_parser = angle)]
+    pub second_angle: Option<f64>,
+}
+
+impl DomainArgs {
+    /// For the library; `None` without a domain.
+    pub fn settings(&self, join: &JoinArgs) -> Option<DomainSettings> {
+        let domain = match self.domain? {
+            BlendDomain::Cylinder => Domain::Cylinder,
+            BlendDomain::Annulus => Domain::Annulus,
+        };
+        let first = join.angle.unwrap_or(0.0);
+        let shapes = [first, self.second_angle.unwrap_or(first)].map(|degrees| RimShape {
+            degrees,
+            strength: join.strength,
+            curvature: join.bend,
+        });
+        Some(DomainSettings { domain, shapes, coarseness: join.coarseness, ..DomainSettings::default() })
+    }
+}
+
 const FILL_HELP: &str = "\
 Every vertex and triangle of the mesh stays as it is; new ones are added. Openings that seem to be meant stay open unless \
 they are asked for: the outer edge of a sheet, holes that are each other's mirror image (eyes, sleeves), and holes with a \
@@ -79,7 +117,7 @@ rim longer than the diagonal of their part's box. --list says which those are, a
 pub struct FillArgs {
     /// The mesh (obj, ply, stl, off, gltf, glb)
     pub mesh: PathBuf,
-    /// Where to write the filled mesh: an .obj file
+    /// Where to write the filled mesh: .obj or .glb (without bones and blend shapes)
     #[arg(short, long, default_value = "filled.obj")]
     pub output: PathBuf,
     /// Files that are already there.
@@ -110,7 +148,11 @@ Several meshes are put together as they lie. Holes are numbered over all of them
 `armature surface blend` without --holes lists them.
 
   armature surface blend body.obj arm.obj                              the holes and their numbers
-  armature surface blend body.obj arm.obj --holes 2,3 -o joined.obj";
+  armature surface blend body.obj arm.obj --holes 2,3 -o joined.obj
+  armature surface blend cup.obj stem.obj --holes 1,2 --domain cylinder --angle 20 -o goblet.obj
+
+With --domain the rims are laid on the two ends of a cylinder or annulus, by their length, and the surface is a function \
+on it: one solution, no rounds, even triangles.";
 
 /// `armature surface blend`
 #[derive(Debug, Args)]
@@ -119,7 +161,7 @@ pub struct BlendArgs {
     /// The meshes (obj, ply, stl, off, gltf, glb)
     #[arg(required = true)]
     pub meshes: Vec<PathBuf>,
-    /// Where to write the joined mesh: an .obj file
+    /// Where to write the joined mesh: .obj or .glb (without bones and blend shapes)
     #[arg(short, long, default_value = "blended.obj")]
     pub output: PathBuf,
     /// Files that are already there.
@@ -131,6 +173,9 @@ pub struct BlendArgs {
     /// The surface.
     #[command(flatten)]
     pub join: JoinArgs,
+    /// Its parameter domain.
+    #[command(flatten)]
+    pub domain: DomainArgs,
     /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
@@ -145,7 +190,9 @@ The conditions are a text file with one condition on each line; # starts a comme
   drag 0 1.6 0.2 by 0 0 0.3         the vertex nearest to a point is moved by a vector
   drag vertex 17 by 0 0 0.3         the same for a vertex, counted from 0
   curve 17 18 25 by 0 0 0.3         vertices along a curve, moved together
-  sharp 17 18 25 by 0 0 0.3         the same, with a crease along the curve; needs smooth tangent
+  sharp 17 18 25 by 0 0 0.3         the same, with a crease along the curve
+  sharp 17 18 25 by 0 0 0.3 slopes 0 0 -1 0 0 1
+                                    the same, and how the displacement changes away from the curve, to its left and right
   hold 0 1.2 0.2                    the vertex nearest to a point stays where it is
 
   armature surface edit head.obj nose.txt -o longer.obj";
@@ -158,7 +205,7 @@ pub struct EditArgs {
     pub mesh: PathBuf,
     /// The conditions: a text file
     pub conditions: PathBuf,
-    /// Where to write the edited mesh: an .obj file
+    /// Where to write the edited mesh: .obj or .glb (without bones and blend shapes)
     #[arg(short, long, default_value = "edited.obj")]
     pub output: PathBuf,
     /// Files that are already there.
@@ -167,16 +214,6 @@ pub struct EditArgs {
     /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
-}
-
-fn finite(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
-    if value.is_finite() { Ok(value) } else { Err("give a finite number".into()) }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let value = finite(text)?;
-    if value > 0.0 { Ok(value) } else { Err("give a number above 0".into()) }
 }
 
 fn angle(text: &str) -> Result<f64, String> {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use armature_take::FrameRate;
 use clap::Args;
 
+use super::numbers::positive;
 use crate::characters::ground::GroundArgs;
 use crate::characters::shapes::ShapeArgs;
 use crate::files::Overwrite;
@@ -91,9 +92,4 @@ pub struct ExportArgs {
     /// Shapes of the character.
     #[command(flatten)]
     pub shapes: ShapeArgs,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let number: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
-    if number.is_finite() && number > 0.0 { Ok(number) } else { Err("give a number above 0".into()) }
 }

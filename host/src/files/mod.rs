@@ -2,6 +2,7 @@
 
 pub mod inputs;
 mod output;
+pub mod places;
 pub mod tables;
 
 use std::fs::File;

@@ -110,6 +110,16 @@ fn rims_are_joined_and_places_dragged() {
     let after = diagnose(&read(&place, "both.obj").mesh).unwrap();
     assert!(after.boundary_edges < 2 * before.boundary_edges && after.non_manifold_edges == 0);
 
+    // The same as a function on a cylinder, wide at one rim, written as GLB.
+    let pair = ["surface", "blend", "upper.obj", "lower.obj", "--holes", &ends, "-o", "waist.glb"];
+    let domain = ["--domain", "cylinder", "--angle", "30", "--second-angle", "-20", "--json"];
+    let ran = place.done(&[&pair[..], &domain].concat());
+    let json: Value = serde_json::from_str(&ran.out).unwrap();
+    assert_eq!(json["outcome"], "settled", "{ran:?}");
+    assert!(json["residual"].as_f64().unwrap() < 1e-12, "{ran:?}");
+    let waist = diagnose(&read(&place, "waist.glb").mesh).unwrap();
+    assert_eq!((waist.boundary_edges, waist.non_manifold_edges), (after.boundary_edges, 0));
+
     place.write("nose.txt", "within 0.8\ndrag 0 0 1 by 0 0 0.5   # forward\n");
     place.write("ball.obj", torn_ball(|_, _| false));
     let ran = place.done(&["surface", "edit", "ball.obj", "nose.txt", "-o", "nose.obj"]);
@@ -127,7 +137,13 @@ fn what_cannot_be_done_is_said() {
     place.write("bad.txt", "within 1\npull 0 0 1\n");
     place.write("all.txt", "region 0 0 0 9\ndrag 0 0 1 by 0 0 1\ndrag 0 0 1 by 1 0 0\n");
     for (arguments, code, words) in [
-        (vec!["surface", "fill", "ball.obj", "-o", "x.glb"], 2, "written as .obj"),
+        (vec!["surface", "fill", "ball.obj", "-o", "x.stl"], 2, "written as .obj or .glb"),
+        (vec!["surface", "blend", "ball.obj", "--holes", "1", "--domain", "annulus", "-o", "x.obj"], 2, "--angle"),
+        (
+            vec!["surface", "blend", "ball.obj", "--holes", "1", "--domain", "annulus", "--angle", "0", "-o", "x.obj"],
+            2,
+            "joins two rims, not 1",
+        ),
         (vec!["surface", "fill", "ball.obj", "--only", "7"], 2, "no hole 7; there are 1"),
         (vec!["surface", "fill", "ball.obj", "--only", "0"], 2, "the first is 1"),
         (vec!["surface", "fill", "nowhere.obj"], 3, "nowhere.obj"),

@@ -1,5 +1,5 @@
-//! Draws what the thesis shows in chapter 3: holes filled in five ways, a blend with reflection lines, conditions on a
-//! sheet, a displacement. `cargo run --release --example figures -- FOLDER [MODEL.obj]`
+//! Draws what the thesis shows in chapter 3: holes filled in five ways, a blend with reflection lines, blends on
+//! parameter domains, conditions on a sheet, a displacement. `cargo run --release --example figures -- FOLDER [MODEL.obj]`
 
 #[path = "support/draw.rs"]
 mod draw;
@@ -9,9 +9,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use armature_fairing::edit::{RegionEditor, RegionSettings, near_vertices, vertices_within};
-use armature_fairing::holes::{blend_rims, fill_holes, find_holes};
+use armature_fairing::holes::{Holes, blend_on_domain, blend_rims, fill_holes, find_holes};
 use armature_fairing::mixed::{Conditions, Elements, Energy, Fairing, Settings, Values};
-use armature_fairing::{Join, PatchSettings};
+use armature_fairing::{Domain, DomainSettings, Join, PatchSettings, RimShape};
 use armature_geometry::TriangleMesh;
 use draw::{Paint, View, write_row};
 use glam::DVec3;
@@ -26,6 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&folder)?;
     holes(&folder)?;
     blend(&folder)?;
+    domains(&folder)?;
     sheet_figures(&folder)?;
     if let Some(model) = arguments.next() {
         displacement(&folder, Path::new(&model))?;
@@ -69,45 +70,82 @@ fn holes(folder: &Path) -> Result<(), Box<dyn Error>> {
     write_row(&folder.join("holes.png"), &views)
 }
 
-/// A tube with a square and one with a round section are joined (figure 3.15).
-fn blend(folder: &Path) -> Result<(), Box<dyn Error>> {
-    let around = 48_u32;
-    let ring = |square: bool, z: f64| -> Vec<[f64; 3]> {
-        (0..around)
-            .map(|i| {
-                let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(around)).sin_cos();
-                // A square with round corners.
-                let radius = if square { 1.1 / (cos.powi(8) + sin.powi(8)).powf(0.125) } else { 0.8 };
-                [radius * cos, radius * sin, z]
-            })
-            .collect()
-    };
+/// Points around a section of a tube.
+const AROUND: u32 = 48;
+
+/// Two tubes along z with a gap around the origin: radii of their sections by direction, and where they start.
+fn two_tubes(tubes: [(&dyn Fn(f64, f64) -> f64, f64); 2]) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
-    for (square, low) in [(true, -2.6), (false, 0.9)] {
+    for (radius, low) in tubes {
         let first = mesh.vertices.len() as u32;
         let rows = 12;
-        (0..=rows).for_each(|j| mesh.vertices.extend(ring(square, low + 1.7 * f64::from(j) / f64::from(rows))));
-        let at = |i: u32, j: u32| first + j * around + i % around;
-        for (i, j) in (0..around).flat_map(|i| (0..rows).map(move |j| (i, j))) {
+        for j in 0..=rows {
+            mesh.vertices.extend((0..AROUND).map(|i| {
+                let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(AROUND)).sin_cos();
+                let radius = radius(sin, cos);
+                [radius * cos, radius * sin, low + 1.7 * f64::from(j) / f64::from(rows)]
+            }));
+        }
+        let at = |i: u32, j: u32| first + j * AROUND + i % AROUND;
+        for (i, j) in (0..AROUND).flat_map(|i| (0..rows).map(move |j| (i, j))) {
             mesh.triangles
                 .extend([[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]);
         }
     }
+    mesh
+}
+
+/// The holes on both sides of the gap.
+fn inner_holes(found: &Holes) -> Vec<usize> {
+    (0..found.holes.len()).filter(|&h| found.holes[h].centre[2].abs() < 1.5).collect()
+}
+
+/// A mesh along z, drawn along x.
+fn lying(mesh: &TriangleMesh, patch_from: usize, paint: Paint) -> View {
+    let vertices = mesh.vertices.iter().map(|p| [p[2], p[0], p[1]]).collect();
+    let mesh = TriangleMesh { vertices, triangles: mesh.triangles.clone() };
+    View { mesh, patch_from, paint, yaw: 0.35, pitch: 0.45 }
+}
+
+/// A tube with a square and one with a round section are joined (figure 3.15).
+fn blend(folder: &Path) -> Result<(), Box<dyn Error>> {
+    // A square with round corners.
+    let square = |sin: f64, cos: f64| 1.1 / (cos.powi(8) + sin.powi(8)).powf(0.125);
+    let mesh = two_tubes([(&square, -2.6), (&|_, _| 0.8, 0.9)]);
     let found = find_holes(&mesh)?;
-    let inner: Vec<usize> = (0..found.holes.len()).filter(|&h| found.holes[h].centre[2].abs() < 1.5).collect();
+    let inner = inner_holes(&found);
     let mut views = Vec::new();
     for join in [Join::Tangent, Join::Curvature] {
         let settings = PatchSettings { join, coarseness: 0.7, ..PatchSettings::default() };
         let joined = blend_rims(&mesh, &found, &inner, &settings, &mut go)?;
         println!("blend {join:?}: {:?}, {} rounds", joined.patches[0].outcome, joined.patches[0].rounds);
-        let mut turned = joined.mesh.clone();
-        turned.vertices.iter_mut().for_each(|p| *p = [p[2], p[0], p[1]]);
-        for paint in [Paint::Clay, Paint::Lines] {
-            let patch_from = joined.patches[0].triangles.start;
-            views.push(View { mesh: turned.clone(), patch_from, paint, yaw: 0.35, pitch: 0.45 });
-        }
+        let patch_from = joined.patches[0].triangles.start;
+        views.extend([Paint::Clay, Paint::Lines].map(|paint| lying(&joined.mesh, patch_from, paint)));
     }
     write_row(&folder.join("blend.png"), &views)
+}
+
+/// A wide tube and a narrow one are joined by functions on a cylinder, and on an annulus (figure 3.17).
+fn domains(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let mesh = two_tubes([(&|_, _| 1.1, -2.6), (&|_, _| 0.6, 0.9)]);
+    let found = find_holes(&mesh)?;
+    let ends: [usize; 2] = inner_holes(&found).try_into().map_err(|_| "two rims face each other")?;
+    let mut views = Vec::new();
+    for (domain, angles, curvature) in [
+        (Domain::Cylinder, [0.0, 0.0], None),
+        (Domain::Cylinder, [40.0, 40.0], None),
+        (Domain::Cylinder, [40.0, -40.0], None),
+        (Domain::Cylinder, [0.0, 0.0], Some(0.0)),
+        (Domain::Cylinder, [0.0, 0.0], Some(3.0)),
+        (Domain::Annulus, [40.0, 40.0], None),
+    ] {
+        let shapes = angles.map(|degrees| RimShape { degrees, strength: 1.0, curvature });
+        let settings = DomainSettings { domain, shapes, coarseness: 0.7, ..DomainSettings::default() };
+        let joined = blend_on_domain(&mesh, &found, ends, &settings, &mut go)?;
+        println!("{domain:?} {angles:?} {curvature:?}: residual {:.1e}", joined.patches[0].residual);
+        views.push(lying(&joined.mesh, joined.patches[0].triangles.start, Paint::Clay));
+    }
+    write_row(&folder.join("domains.png"), &views)
 }
 
 /// A sheet with regions, curves and points (figures 3.2 to 3.5).

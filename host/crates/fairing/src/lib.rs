@@ -26,7 +26,7 @@
 //! | module | verbs |
 //! |---|---|
 //! | [`mixed`] | [`Fairing::precompute`](mixed::Fairing::precompute), [`Fairing::solve`](mixed::Fairing::solve): the equations, with region, curve and point conditions |
-//! | [`holes`] | [`find_holes`](holes::find_holes), [`fill_holes`](holes::fill_holes), [`blend_rims`](holes::blend_rims) |
+//! | [`holes`] | [`find_holes`](holes::find_holes), [`fill_holes`](holes::fill_holes), [`blend_rims`](holes::blend_rims), [`blend_on_domain`](holes::blend_on_domain) |
 //! | [`edit`] | [`RegionEditor`](edit::RegionEditor): smooth displacements that follow dragged vertices |
 //! | [`study`] | [`sample`](study::sample): errors on finer and finer meshes |
 //!
@@ -39,4 +39,4 @@ mod patch;
 mod sparse;
 pub mod study;
 
-pub use patch::{Join, PatchSettings};
+pub use patch::{Domain, DomainSettings, Join, PatchSettings, RimShape};

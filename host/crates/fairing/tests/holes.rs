@@ -4,8 +4,8 @@
 
 mod support;
 
-use armature_fairing::holes::{FillError, HoleOutcome, Meant, blend_rims, fill_holes, find_holes};
-use armature_fairing::{Join, PatchSettings};
+use armature_fairing::holes::{FillError, HoleOutcome, Meant, blend_on_domain, blend_rims, fill_holes, find_holes};
+use armature_fairing::{Domain, DomainSettings, Join, PatchSettings, RimShape};
 use armature_geometry::TriangleMesh;
 use armature_geometry::surface::diagnose;
 use glam::DVec3;
@@ -183,6 +183,99 @@ fn two_tubes_are_joined() {
         assert_eq!((d.components, d.non_manifold_edges, d.self_intersections), (1, 0, 0));
         assert!(off < most, "{join:?}: {off}");
     }
+}
+
+/// Two tubes along z that end at -1 and 1, and their inner ends.
+fn tubes_apart(around: [u32; 2]) -> (TriangleMesh, [usize; 2]) {
+    let pair = together(&tube(around[0], 2, -2.0, -1.0), &tube(around[1], 2, 1.0, 2.0));
+    let holes = find_holes(&pair).unwrap().holes;
+    let end = |z: f64| holes.iter().position(|h| (h.centre[2] - z).abs() < 0.1).unwrap();
+    let ends = [end(-1.0), end(1.0)];
+    (pair, ends)
+}
+
+#[test]
+fn a_blend_on_a_cylinder_is_the_biharmonic_function() {
+    // x = cos s f(z) with (d²/dz² - 1)² f = 0, f = 1 and f' = 0 at both ends: f = A cosh z + B z sinh z.
+    let (sinh, cosh) = (1.0_f64.sinh(), 1.0_f64.cosh());
+    let b = -sinh / (cosh * (sinh + cosh) - sinh * sinh);
+    let a = (1.0 - b * sinh) / cosh;
+    let mut errors = Vec::new();
+    for around in [[24, 24], [48, 48], [96, 80]] {
+        let (pair, ends) = tubes_apart(around);
+        let holes = find_holes(&pair).unwrap();
+        let blend = blend_on_domain(&pair, &holes, ends, &DomainSettings::default(), &mut go).unwrap();
+        check_kept(&pair, &blend.mesh);
+        let d = diagnose(&blend.mesh).unwrap();
+        assert_eq!((d.components, d.non_manifold_edges, d.self_intersections), (1, 0, 0));
+        let off = blend.patches[0].vertices.clone().map(|v| {
+            let [x, y, z] = blend.mesh.vertices[v as usize];
+            (x.hypot(y) - (a * z.cosh() + b * z * z.sinh())).abs()
+        });
+        errors.push(off.fold(0.0, f64::max));
+    }
+    println!("narrowest {a:.4}; errors {errors:?}");
+    // The error falls with the square of the edges, and is small beside what the tube narrows by.
+    assert!(errors[1] < 0.4 * errors[0] && errors[2] < 0.02 * (1.0 - a), "{errors:?}");
+}
+
+#[test]
+fn a_flat_ring_on_an_annulus_stays_flat_and_even() {
+    let ring = |around: u32, radius: f64, out: f64| {
+        let mut tube = tube(around, 2, 0.0, 1.0);
+        for p in &mut tube.vertices {
+            let factor = radius + (out - radius) * p[2];
+            *p = [p[0] * factor, p[1] * factor, 0.0];
+        }
+        tube
+    };
+    let mut inner = ring(40, 1.0, 0.5);
+    let outer = ring(70, 2.0, 3.0);
+    // It narrows as the outer one widens: turned over, both face the same way.
+    inner.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+    let pair = together(&inner, &outer);
+    let holes = find_holes(&pair).unwrap();
+    let tau = std::f64::consts::TAU;
+    let rim = |length: f64| holes.holes.iter().position(|h| (h.length - length).abs() < 0.1).unwrap();
+    for curvature in [None, Some(0.0)] {
+        let shapes = [RimShape { curvature, ..RimShape::default() }; 2];
+        let settings = DomainSettings { domain: Domain::Annulus, shapes, ..DomainSettings::default() };
+        let blend = blend_on_domain(&pair, &holes, [rim(tau), rim(2.0 * tau)], &settings, &mut go).unwrap();
+        let d = diagnose(&blend.mesh).unwrap();
+        assert_eq!((d.components, d.non_manifold_edges), (1, 0));
+        let patch = &blend.patches[0];
+        let places: Vec<DVec3> = patch.vertices.clone().map(|v| DVec3::from(blend.mesh.vertices[v as usize])).collect();
+        assert!(places.iter().all(|p| p.z.abs() < 1e-12));
+        let radii = || places.iter().map(|p| p.length());
+        let (low, high) = (radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
+        println!("{curvature:?}: {} vertices from {low:.3} to {high:.3}", places.len());
+        assert!(low > 1.05 && high < 1.95, "no fold at the rims");
+    }
+}
+
+#[test]
+fn tangents_and_curvature_shape_a_blend_on_a_cylinder() {
+    let (pair, ends) = tubes_apart([40, 40]);
+    let holes = find_holes(&pair).unwrap();
+    let radius_at = |shapes: [RimShape; 2], z: f64| {
+        let settings = DomainSettings { shapes, ..DomainSettings::default() };
+        let blend = blend_on_domain(&pair, &holes, ends, &settings, &mut go).unwrap();
+        assert!(blend.patches[0].outcome.is_filled() && blend.patches[0].residual < 1e-12);
+        let near = blend.patches[0].vertices.clone().map(|v| blend.mesh.vertices[v as usize]);
+        let nearest = near.min_by(|p, q| (p[2] - z).abs().total_cmp(&(q[2] - z).abs())).unwrap();
+        nearest[0].hypot(nearest[1])
+    };
+    let at = |degrees: f64, curvature: Option<f64>| RimShape { degrees, strength: 1.0, curvature };
+    let straight = radius_at([at(0.0, None); 2], 0.0);
+    let fuller = radius_at([at(40.0, None); 2], 0.0);
+    assert!(fuller > straight + 0.2, "{straight} {fuller}");
+    // One end is wide, the other narrow.
+    let skew = [at(40.0, None), at(-40.0, None)];
+    let (low, high) = (radius_at(skew, -0.5), radius_at(skew, 0.5));
+    assert!(low > 1.05 && high < 0.95, "{low} {high}");
+    let (flat, bulging) = (radius_at([at(0.0, Some(0.0)); 2], 0.0), radius_at([at(0.0, Some(3.0)); 2], 0.0));
+    println!("{straight:.3} {fuller:.3} {flat:.3} {bulging:.3}");
+    assert!((flat - bulging).abs() > 0.05, "{flat} {bulging}");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use armature_weights::monotone::ValueSource;
 use glam::DVec3;
 
 use crate::failure::Failure;
+use crate::files::places;
 
 const HELP: &str = "`armature interpolate --help` lists what a line may be";
 
@@ -62,8 +63,8 @@ fn parse(line: &str, domain: &FunctionDomain) -> Result<ValueSource, String> {
     let of_shape = |vertex: usize| domain.mass[vertex] > 0.0;
     let vertices = match *kind {
         "point" => {
-            let point: [f64; 3] = numbers(rest)?.try_into().map_err(|_| "a point has three coordinates")?;
-            let distance = |v: usize| DVec3::from(domain.vertices[v]).distance_squared(point.into());
+            let point = DVec3::from(places::point(rest)?);
+            let distance = |v: usize| DVec3::from(domain.vertices[v]).distance_squared(point);
             let nearest = (0..domain.vertices.len()).filter(|&v| of_shape(v));
             let nearest = nearest.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
             vec![nearest.ok_or("the mesh has no elements")?]
@@ -73,9 +74,7 @@ fn parse(line: &str, domain: &FunctionDomain) -> Result<ValueSource, String> {
         "curve" if !rest.is_empty() => rest.iter().map(|word| vertex_of(word, domain)).collect::<Result<_, _>>()?,
         "curve" => return Err("curve is followed by vertices".into()),
         "region" => {
-            let [x, y, z, radius]: [f64; 4] =
-                numbers(rest)?.try_into().map_err(|_| "region is followed by x, y, z and a radius")?;
-            let centre = DVec3::new(x, y, z);
+            let (centre, radius) = places::ball(rest)?;
             let inside = |&v: &usize| of_shape(v) && DVec3::from(domain.vertices[v]).distance(centre) <= radius;
             let inside: Vec<usize> = (0..domain.vertices.len()).filter(inside).collect();
             if inside.is_empty() {
@@ -98,24 +97,13 @@ fn value_of(text: &str) -> Result<Vec<f64>, String> {
             _ => Err(format!("{text:?} is no colour: six hexadecimal digits after #")),
         };
     }
-    let value = numbers(&text.split_whitespace().collect::<Vec<_>>())?;
+    let value = places::numbers(&text.split_whitespace().collect::<Vec<_>>())?;
     if value.is_empty() { Err("the value after = is missing".into()) } else { Ok(value) }
-}
-
-fn numbers(words: &[&str]) -> Result<Vec<f64>, String> {
-    let number = |word: &&str| match word.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("{word:?} is not a number")),
-    };
-    words.iter().map(number).collect()
 }
 
 /// A vertex of the mesh, as one of the domain.
 fn vertex_of(word: &str, domain: &FunctionDomain) -> Result<usize, String> {
-    let number = word.parse::<usize>().ok();
-    number.and_then(|number| domain.vertex_of.get(number)).map(|&vertex| vertex as usize).ok_or_else(|| {
-        format!("{word:?} is no vertex; they are numbered from 0 to {}", domain.vertex_of.len().saturating_sub(1))
-    })
+    places::vertex(word, domain.vertex_of.len()).map(|vertex| domain.vertex_of[vertex] as usize)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `armature surface blend`
 
-use armature_fairing::holes::blend_rims;
+use armature_fairing::holes::{blend_on_domain, blend_rims};
 use armature_formats::model::Model;
 use armature_geometry::TriangleMesh;
 
@@ -40,8 +40,19 @@ pub(super) fn blend(args: &BlendArgs, talk: Talk) -> Result<(), Failure> {
         return Ok(());
     }
     let which = chosen(first, &holes, &args.holes)?;
-    let joined = blend_rims(&model.mesh, &holes, &which, &args.join.settings(), &mut bar.stages())
-        .map_err(|e| failure(first, &e))?;
+    let joined = match args.domain.settings(&args.join) {
+        Some(settings) => {
+            let pair: [usize; 2] = which.as_slice().try_into().map_err(|_| {
+                Failure::usage(
+                    format!("--domain joins two rims, not {}", which.len()),
+                    "name two holes with --holes, or leave --domain out",
+                )
+            })?;
+            blend_on_domain(&model.mesh, &holes, pair, &settings, &mut bar.stages())
+        }
+        None => blend_rims(&model.mesh, &holes, &which, &args.join.settings(), &mut bar.stages()),
+    };
+    let joined = joined.map_err(|e| failure(first, &e))?;
     bar.finish();
     let patch = &joined.patches[0];
     if !patch.outcome.is_filled() {

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use armature_fairing::edit::{RegionSettings, near_vertices, vertices_within};
+use armature_fairing::edit::{RegionSettings, SharpCurve, near_vertices, vertices_within};
 use armature_fairing::mixed::Energy;
 use armature_geometry::TriangleMesh;
 use glam::DVec3;
 
 use crate::failure::Failure;
+use crate::files::places;
 
 /// What is asked for, as vertices of a mesh.
 #[derive(Debug, PartialEq)]
@@ -15,7 +16,7 @@ pub(super) struct Edit {
     pub(super) settings: RegionSettings,
     pub(super) region: Vec<u32>,
     pub(super) handles: Vec<u32>,
-    pub(super) sharp: Vec<u32>,
+    pub(super) sharp: Vec<SharpCurve>,
     /// One for each handle.
     pub(super) dragged: Vec<[f64; 3]>,
 }
@@ -25,7 +26,8 @@ enum Condition {
     Smooth(Energy),
     Within(f64),
     Region { centre: DVec3, radius: f64 },
-    Drag { vertices: Vec<u32>, by: [f64; 3], sharp: bool },
+    Drag { vertices: Vec<u32>, by: [f64; 3] },
+    Sharp { curve: SharpCurve, by: [f64; 3] },
 }
 
 /// Reads conditions for `mesh`.
@@ -56,21 +58,20 @@ pub(super) fn read_conditions(path: &Path, text: &str, mesh: &TriangleMesh) -> R
                 (0..mesh.vertices.len() as u32)
                     .filter(|&v| DVec3::from(mesh.vertices[v as usize]).distance(centre) <= radius),
             ),
-            Condition::Drag { vertices, by, sharp } => {
-                if sharp {
-                    edit.sharp.extend(&vertices);
-                }
+            Condition::Drag { vertices, by } => {
                 edit.dragged.extend(vertices.iter().map(|_| by));
                 edit.handles.extend(vertices);
+            }
+            Condition::Sharp { curve, by } => {
+                edit.dragged.extend(curve.vertices.iter().map(|_| by));
+                edit.handles.extend(&curve.vertices);
+                edit.sharp.push(curve);
             }
         }
     }
     let file = |what: &str, remedy: &str| Failure::input(format!("{}: {what}", path.display()), remedy);
     if edit.handles.is_empty() {
         return Err(file("nothing is dragged", "add a line such as: drag 0 1.6 0.2 by 0 0 0.3"));
-    }
-    if !edit.sharp.is_empty() && edit.settings.energy != Energy::Laplacian {
-        return Err(file("a sharp curve needs tangents, not curvature, to be smooth", "add a line: smooth tangent"));
     }
     if let Some(reach) = within {
         edit.region.extend(vertices_within(mesh, &edit.handles, reach));
@@ -92,62 +93,66 @@ fn parse(line: &str, mesh: &TriangleMesh) -> Result<Condition, String> {
             ["curvature"] => Ok(Condition::Smooth(Energy::LaplacianGradient)),
             _ => Err("smooth is followed by tangent or curvature".into()),
         },
-        "within" => match numbers(rest)?.as_slice() {
+        "within" => match places::numbers(rest)?.as_slice() {
             &[reach] if reach > 0.0 => Ok(Condition::Within(reach)),
             _ => Err("within is followed by one length above 0".into()),
         },
-        "region" => match numbers(rest)?.as_slice() {
-            &[x, y, z, radius] if radius > 0.0 => Ok(Condition::Region { centre: DVec3::new(x, y, z), radius }),
-            _ => Err("region is followed by x, y, z and a radius above 0".into()),
-        },
+        "region" => places::ball(rest).map(|(centre, radius)| Condition::Region { centre, radius }),
         "drag" => {
             let (what, by) = moved(rest)?;
             let vertices = match what {
                 ["vertex", vertex] => vec![vertex_of(vertex, mesh)?],
                 point => nearest(point, mesh)?,
             };
-            Ok(Condition::Drag { vertices, by, sharp: false })
+            Ok(Condition::Drag { vertices, by })
         }
-        "hold" => Ok(Condition::Drag { vertices: nearest(rest, mesh)?, by: [0.0; 3], sharp: false }),
-        "curve" | "sharp" => {
-            let (what, by) = moved(rest)?;
-            let vertices: Vec<u32> = what.iter().map(|word| vertex_of(word, mesh)).collect::<Result<_, _>>()?;
-            if vertices.is_empty() {
-                return Err(format!("{} is followed by vertices, the word by, and a vector", words[0]));
-            }
-            Ok(Condition::Drag { vertices, by, sharp: words[0] == "sharp" })
+        "hold" => Ok(Condition::Drag { vertices: nearest(rest, mesh)?, by: [0.0; 3] }),
+        "curve" => {
+            let (vertices, by) = curve(rest, mesh)?;
+            Ok(Condition::Drag { vertices, by })
+        }
+        "sharp" => {
+            let at = rest.iter().position(|&word| word == "slopes").unwrap_or(rest.len());
+            let (vertices, by) = curve(&rest[..at], mesh)?;
+            let slopes = rest.get(at + 1..).map(slopes).transpose()?;
+            Ok(Condition::Sharp { curve: SharpCurve { vertices, slopes }, by })
         }
         other => Err(format!("{other:?} is no condition")),
+    }
+}
+
+/// Vertices along a curve, and how they move.
+fn curve(words: &[&str], mesh: &TriangleMesh) -> Result<(Vec<u32>, [f64; 3]), String> {
+    let (what, by) = moved(words)?;
+    let vertices: Vec<u32> = what.iter().map(|word| vertex_of(word, mesh)).collect::<Result<_, _>>()?;
+    if vertices.is_empty() {
+        return Err("a curve is vertices, the word by, and a vector".into());
+    }
+    Ok((vertices, by))
+}
+
+/// Two vectors.
+fn slopes(words: &[&str]) -> Result<[[f64; 3]; 2], String> {
+    match places::numbers(words)?.as_slice() {
+        &[a, b, c, d, e, f] => Ok([[a, b, c], [d, e, f]]),
+        _ => Err("slopes is followed by six numbers: a vector for the left side and one for the right".into()),
     }
 }
 
 /// What comes before `by`, and the vector after it.
 fn moved<'a, 'b>(words: &'a [&'b str]) -> Result<(&'a [&'b str], [f64; 3]), String> {
     let at = words.iter().position(|&word| word == "by").ok_or("the word by is missing, followed by a vector")?;
-    let by = numbers(&words[at + 1..])?;
+    let by = places::numbers(&words[at + 1..])?;
     let by = by.try_into().map_err(|_| "by is followed by three numbers".to_owned())?;
     Ok((&words[..at], by))
 }
 
-fn numbers(words: &[&str]) -> Result<Vec<f64>, String> {
-    let number = |word: &&str| match word.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("{word:?} is not a number")),
-    };
-    words.iter().map(number).collect()
-}
-
 fn vertex_of(word: &str, mesh: &TriangleMesh) -> Result<u32, String> {
-    let count = mesh.vertices.len();
-    match word.parse::<u32>() {
-        Ok(vertex) if (vertex as usize) < count => Ok(vertex),
-        _ => Err(format!("{word:?} is no vertex; they are numbered from 0 to {}", count.saturating_sub(1))),
-    }
+    places::vertex(word, mesh.vertices.len()).map(|vertex| vertex as u32)
 }
 
 fn nearest(words: &[&str], mesh: &TriangleMesh) -> Result<Vec<u32>, String> {
-    let point: [f64; 3] = numbers(words)?.try_into().map_err(|_| "a point has three coordinates".to_owned())?;
-    near_vertices(mesh, &[point]).ok_or_else(|| "the mesh has no triangles".to_owned())
+    near_vertices(mesh, &[places::point(words)?]).ok_or_else(|| "the mesh has no triangles".to_owned())
 }
 
 #[cfg(test)]
@@ -169,7 +174,7 @@ mod tests {
                 .unwrap();
         assert_eq!(edit.handles, [1, 1, 2]);
         assert_eq!(edit.dragged, [[0.0, 0.0, 1.0], [0.0; 3], [0.0, 0.0, 2.0]]);
-        assert_eq!((edit.region, edit.sharp), (vec![0, 1, 2], vec![2]));
+        assert_eq!((edit.region, edit.sharp), (vec![0, 1, 2], vec![SharpCurve { vertices: vec![2], slopes: None }]));
         assert_eq!(edit.settings.energy, Energy::Laplacian);
         let ball = read("region 0 0 0 0.5\ndrag vertex 1 by 1 0 0").unwrap();
         assert_eq!((ball.region, ball.settings.energy), (vec![0], Energy::LaplacianGradient));
@@ -182,14 +187,14 @@ mod tests {
             ("\npull 1", "line 2: \"pull\" is no condition"),
             ("drag 0 0 nan by 0 0 0", "is not a number"),
             ("drag vertex 4 by 0 0 0", "numbered from 0 to 3"),
-            ("curve by 0 0 0", "followed by vertices"),
+            ("curve by 0 0 0", "a curve is vertices"),
+            ("sharp 0 1 by 0 0 0 slopes 1 2 3", "six numbers"),
             ("within -1", "above 0"),
             ("region 1 2 3", "radius"),
             ("smooth butter", "tangent or curvature"),
             ("drag 0 0 0", "the word by is missing"),
             ("within 1", "nothing is dragged"),
             ("drag vertex 0 by 0 0 1", "no vertex may give way"),
-            ("within 1\nsharp 0 by 0 0 1", "a sharp curve needs tangents"),
         ] {
             let failure = read(text).unwrap_err();
             assert!(failure.what.contains(word), "{text}: {}", failure.what);

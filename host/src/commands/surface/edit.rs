@@ -34,6 +34,9 @@ pub(super) fn edit(args: &EditArgs, talk: Talk) -> Result<(), Failure> {
             EditError::Fairing(FairingError::Adrift { .. }) => {
                 Failure::input(what, "make the region smaller, or hold a vertex of that part")
             }
+            EditError::NotACurve { .. } | EditError::ShortCurve { .. } => {
+                Failure::input(what, "name the vertices of the curve in order, each with an edge to the next")
+            }
             EditError::Contradiction { .. } => Failure::input(what, "drag it in one way"),
             _ => Failure::input(what, "`armature inspect` says more about the mesh"),
         }

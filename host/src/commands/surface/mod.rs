@@ -11,8 +11,10 @@ pub(super) use listing::{hole_words, holes_json};
 use std::path::Path;
 
 use armature_fairing::holes::{FillError, Holes, find_holes};
+use armature_formats::gltf::{GlbMesh, GlbScene, write_glb};
 use armature_formats::mesh::write_obj;
 use armature_formats::model::Model;
+use armature_rig::Skeleton;
 
 use crate::cli::surface_args::SurfaceCommand;
 use crate::failure::Failure;
@@ -30,14 +32,26 @@ pub fn surface(command: &SurfaceCommand, talk: Talk) -> Result<(), Failure> {
 
 /// The output is checked before the work is done.
 fn check_output(path: &Path, overwrite: Overwrite) -> Result<(), Failure> {
-    if files::extension_of(path) != "obj" {
-        return Err(Failure::usage(format!("{} is not an OBJ file", path.display()), "surfaces are written as .obj"));
+    if !["obj", "glb"].contains(&files::extension_of(path).as_str()) {
+        return Err(Failure::usage(
+            format!("{} is neither an OBJ nor a GLB file", path.display()),
+            "surfaces are written as .obj or .glb",
+        ));
     }
     overwrite.check(path)
 }
 
+/// Writes a surface in the format of its file's name. What moves it, skin and blend shapes, is not written.
 fn write(path: &Path, overwrite: Overwrite, model: &Model) -> Result<(), Failure> {
-    overwrite.write(path, write_obj(model).as_bytes())
+    if files::extension_of(path) == "obj" {
+        return overwrite.write(path, write_obj(model).as_bytes());
+    }
+    let mesh = GlbMesh { influences: None, skins: &[], morph_targets: &[], ..GlbMesh::of_model(model) };
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let scene = GlbScene { name: &name, skeleton: &Skeleton::default(), mesh: Some(mesh), clips: Vec::new() };
+    let bytes = write_glb(&scene)
+        .map_err(|e| Failure::not_converged(format!("{}: {e}", path.display()), "write an .obj file"))?;
+    overwrite.write(path, &bytes)
 }
 
 fn holes_of(path: &Path, model: &Model) -> Result<Holes, Failure> {

@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::hole::Holes;
 use super::welded::Welded;
 use crate::mixed::FairingError;
-use crate::patch::{Around, NoPatch, PatchOutcome, PatchSettings, make_patch};
+use crate::patch::{Around, DomainSettings, NoPatch, PatchOutcome, PatchSettings, make_blend, make_patch};
 
 /// Why nothing was filled.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -112,7 +112,7 @@ pub fn fill_holes(
     progress: Progress<'_>,
 ) -> Result<Filled, FillError> {
     let groups: Vec<Vec<usize>> = chosen.iter().map(|&hole| vec![hole]).collect();
-    make(mesh, holes, &groups, settings, "filling holes", progress)
+    make(mesh, holes, &groups, "filling holes", &|around| make_patch(around, settings), progress)
 }
 
 /// Joins the rims of the `chosen` holes, two or more, by one surface.
@@ -123,16 +123,35 @@ pub fn blend_rims(
     settings: &FillSettings,
     progress: Progress<'_>,
 ) -> Result<Filled, FillError> {
+    check_apart(holes, chosen)?;
+    make(mesh, holes, &[chosen.to_vec()], JOINING, &|around| make_patch(around, settings), progress)
+}
+
+/// Joins the rims of two holes by a function on a parameter domain.
+pub fn blend_on_domain(
+    mesh: &TriangleMesh,
+    holes: &Holes,
+    chosen: [usize; 2],
+    settings: &DomainSettings,
+    progress: Progress<'_>,
+) -> Result<Filled, FillError> {
+    check_apart(holes, &chosen)?;
+    make(mesh, holes, &[chosen.to_vec()], JOINING, &|around| make_blend(around, settings), progress)
+}
+
+const JOINING: &str = "joining rims";
+
+fn check_apart(holes: &Holes, chosen: &[usize]) -> Result<(), FillError> {
     if chosen.len() < 2 {
         return Err(FillError::TooFewRims { given: chosen.len() });
     }
     check_exist(holes, chosen)?;
     let mut all: Vec<u32> = chosen.iter().flat_map(|&h| holes.holes[h].rim.iter().copied()).collect();
     all.sort_unstable();
-    if let Some(pair) = all.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(FillError::RimsTouch { vertex: pair[0] });
+    match all.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(FillError::RimsTouch { vertex: pair[0] }),
+        None => Ok(()),
     }
-    make(mesh, holes, &[chosen.to_vec()], settings, "joining rims", progress)
 }
 
 fn check_exist(holes: &Holes, chosen: &[usize]) -> Result<(), FillError> {
@@ -147,8 +166,8 @@ fn make(
     mesh: &TriangleMesh,
     holes: &Holes,
     groups: &[Vec<usize>],
-    settings: &FillSettings,
     stage: &'static str,
+    patch: &dyn Fn(&Around) -> Result<PatchOutcome, NoPatch>,
     progress: Progress<'_>,
 ) -> Result<Filled, FillError> {
     groups.iter().try_for_each(|group| check_exist(holes, group))?;
@@ -162,7 +181,7 @@ fn make(
         let rims: Vec<Vec<u32>> =
             group.iter().map(|&h| holes.holes[h].rim.iter().map(|&v| welded.joined[v as usize]).collect()).collect();
         let around = Around::of(&welded.positions, &welded.triangles, &fans, &rims, 2);
-        let made = make_patch(&around, settings);
+        let made = patch(&around);
         filled.patches.push(add(&mut filled.mesh, group, &welded, &around, made));
     }
     let _ = progress(stage, 1.0);

@@ -6,6 +6,6 @@ mod hole;
 mod meant;
 mod welded;
 
-pub use fill::{FillError, FillSettings, Filled, FilledHole, HoleOutcome, blend_rims, fill_holes};
+pub use fill::{FillError, FillSettings, Filled, FilledHole, HoleOutcome, blend_on_domain, blend_rims, fill_holes};
 pub use find::find_holes;
 pub use hole::{BrokenRim, Hole, Holes, Meant};

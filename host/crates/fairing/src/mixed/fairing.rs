@@ -102,6 +102,11 @@ impl Fairing {
         })
     }
 
+    /// Vertices of the domain.
+    pub fn vertex_count(&self) -> usize {
+        self.elements.vertex_count()
+    }
+
     /// Vertices that are solved for.
     pub fn free(&self) -> &[u32] {
         &self.free

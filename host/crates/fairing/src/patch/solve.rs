@@ -6,7 +6,8 @@ use glam::DVec3;
 use super::around::Around;
 use super::bridge::first_triangles;
 use super::refine::Patch;
-use crate::mixed::{Conditions, Elements, Energy, Fairing, FairingError, Settings, Values};
+use super::rims::{GivenAlongRims, RimShape, along_rims};
+use crate::mixed::{Elements, Energy, FairingError};
 
 /// How a patch meets the surface around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -96,13 +97,6 @@ pub(crate) fn make_patch(around: &Around, settings: &PatchSettings) -> Result<Pa
         sizes: sizes(around, settings.coarseness),
         chords: around.chords.clone(),
     };
-    let (low, high) = around
-        .rims
-        .iter()
-        .flat_map(|rim| &rim.vertices)
-        .map(|&v| place(v))
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-    let (centre, size) = (0.5 * (low + high), low.distance(high));
     let mut outcome =
         PatchOutcome { patch: patch.clone(), rounds: 0, last_move: 0.0, residual: 0.0, settled: false, failed: None };
     for round in 1..=settings.rounds.max(1) {
@@ -116,7 +110,7 @@ pub(crate) fn make_patch(around: &Around, settings: &PatchSettings) -> Result<Pa
             Err(error) if round == 1 => return Err(NoPatch::Fairing(error)),
             Err(error) => return Ok(PatchOutcome { failed: Some(error), ..outcome }),
         };
-        if places[patch.held..].iter().any(|p| p.distance(centre) > FARTHEST * size) {
+        if is_thrown(around, &places[patch.held..]) {
             return Err(NoPatch::Thrown);
         }
         // What moves along the surface does not change it.
@@ -131,6 +125,14 @@ pub(crate) fn make_patch(around: &Around, settings: &PatchSettings) -> Result<Pa
         }
     }
     Ok(outcome)
+}
+
+/// Whether a vertex is far from the rims.
+pub(super) fn is_thrown(around: &Around, places: &[DVec3]) -> bool {
+    let rims = around.rims.iter().flat_map(|rim| &rim.vertices).map(|&v| around.places[v as usize]);
+    let (low, high) = rims.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let (centre, size) = (0.5 * (low + high), low.distance(high));
+    places.iter().any(|p| p.distance(centre) > FARTHEST * size)
 }
 
 /// The wanted length of edges at every local vertex: that of the rim nearby.
@@ -155,78 +157,33 @@ fn sizes(around: &Around, coarseness: f64) -> Vec<f64> {
 }
 
 fn place_vertices(around: &Around, patch: &Patch, join: Join) -> Result<(Vec<DVec3>, f64), FairingError> {
-    let (energy, region) = match join {
-        Join::Tangent => (Energy::Laplacian, true),
-        Join::Curvature => (Energy::LaplacianGradient, true),
-        Join::Angle { .. } => (Energy::Laplacian, false),
-        Join::Bent { .. } => (Energy::LaplacianGradient, false),
+    let (region, shape) = match join {
+        Join::Tangent => (Some(Energy::Laplacian), RimShape::default()),
+        Join::Curvature => (Some(Energy::LaplacianGradient), RimShape::default()),
+        Join::Angle { degrees, strength } => (None, RimShape { degrees, strength, curvature: None }),
+        Join::Bent { degrees, strength, curvature } => {
+            (None, RimShape { degrees, strength, curvature: Some(curvature) })
+        }
     };
     let mut triangles = patch.triangles.clone();
-    if region {
+    if region.is_some() {
         triangles.extend_from_slice(&around.triangles);
     }
     let elements = Elements::of_positions(&patch.places.iter().map(DVec3::to_array).collect::<Vec<_>>(), &triangles)?;
-    let mut conditions = Conditions { fixed: (0..patch.held as u32).collect(), ..Conditions::default() };
-    let fixed: Vec<[f64; 3]> = patch.places[..patch.held].iter().map(DVec3::to_array).collect();
-    let mut tangents: Vec<[[f64; 3]; 2]> = Vec::new();
-    let mut laplacians: Vec<[f64; 3]> = Vec::new();
-    if region {
-        for (edge, out) in Around::borders(&patch.places, &triangles) {
-            conditions.borders.push(edge);
-            tangents.push([out.to_array(); 2]);
-        }
+    let given = if let Some(energy) = region {
+        GivenAlongRims { energy, ..on_region(patch, &triangles) }
     } else {
-        let (degrees, strength, curvature) = match join {
-            Join::Bent { degrees, strength, curvature } => (degrees, strength, Some(curvature)),
-            Join::Angle { degrees, strength } => (degrees, strength, None),
-            _ => (0.0, 1.0, None),
-        };
-        let (sin, cos) = degrees.to_radians().sin_cos();
-        let tangent = |v: u32| {
-            let (out, normal) = around.frames[v as usize];
-            strength * (cos * out - sin * normal)
-        };
-        for rim in &around.rims {
-            for (k, &v) in rim.vertices.iter().enumerate() {
-                let next = rim.vertices[(k + 1) % rim.vertices.len()];
-                conditions.borders.push([v, next]);
-                tangents.push([tangent(v).to_array(), tangent(next).to_array()]);
-            }
-        }
-        if let Some(curvature) = curvature {
-            let turns = turns(patch, around);
-            for rim in &around.rims {
-                for (k, &v) in rim.vertices.iter().enumerate() {
-                    let count = rim.vertices.len();
-                    let (before, after) = (rim.vertices[(k + count - 1) % count], rim.vertices[(k + 1) % count]);
-                    let [p, q, r] = [before, v, after].map(|v| patch.places[v as usize]);
-                    let (back, ahead) = (p.distance(q), q.distance(r));
-                    let along = 2.0 * ((r - q) / ahead - (q - p) / back) / (back + ahead);
-                    let (out, normal) = around.frames[v as usize];
-                    let across = -curvature * strength * strength * (cos * normal + sin * out);
-                    let turn = 2.0 * turns[v as usize] / (back + ahead);
-                    conditions.bent.push(v);
-                    laplacians.push((along + turn * tangent(v) + across).to_array());
-                }
-            }
-        }
-    }
-    let fairing = Fairing::precompute(&elements, &conditions, &Settings::new(energy))?;
-    let values = Values { fixed: &fixed, tangents: &tangents, laplacians: &laplacians, source: &[] };
-    let solution = fairing.solve(&values)?;
-    Ok((solution.values.into_iter().map(DVec3::from).collect(), solution.residual))
+        along_rims(around, &elements, &[shape])
+    };
+    given.solve(&elements, patch.held, &patch.places)
 }
 
-/// How much the patch's border turns at each rim vertex, inside the patch.
-fn turns(patch: &Patch, around: &Around) -> Vec<f64> {
-    let count: usize = around.rims.iter().map(|rim| rim.vertices.len()).sum();
-    let mut turns = vec![std::f64::consts::PI; count];
-    for t in &patch.triangles {
-        let p = t.map(|v| patch.places[v as usize]);
-        for k in (0..3).filter(|&k| (t[k] as usize) < count) {
-            let (u, v) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
-            turns[t[k] as usize] -= u.cross(v).length().atan2(u.dot(v));
-        }
+/// What is around the rims is held too, and goes on beyond as it ends.
+fn on_region(patch: &Patch, triangles: &[[u32; 3]]) -> GivenAlongRims {
+    let mut given = GivenAlongRims::default();
+    for (edge, out) in Around::borders(&patch.places, triangles) {
+        given.borders.push(edge);
+        given.tangents.push([out.to_array(); 2]);
     }
-    turns
+    given
 }
