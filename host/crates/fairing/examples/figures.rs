@@ -1,5 +1,6 @@
 //! Draws what the thesis shows in chapter 3: holes filled in five ways, a blend with reflection lines, blends on
-//! parameter domains, conditions on a sheet, a displacement. `cargo run --release --example figures -- FOLDER [MODEL.obj]`
+//! parameter domains, conditions on a sheet, creases, a displacement.
+//! `cargo run --release --example figures -- FOLDER [MODEL.obj]`
 
 #[path = "support/draw.rs"]
 mod draw;
@@ -8,7 +9,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use armature_fairing::edit::{RegionEditor, RegionSettings, near_vertices, vertices_within};
+use armature_fairing::edit::{RegionEditor, RegionSettings, SharpCurve, near_vertices, vertices_within};
 use armature_fairing::holes::{Holes, blend_on_domain, blend_rims, fill_holes, find_holes};
 use armature_fairing::mixed::{Conditions, Elements, Energy, Fairing, Settings, Values};
 use armature_fairing::{Domain, DomainSettings, Join, PatchSettings, RimShape};
@@ -28,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     blend(&folder)?;
     domains(&folder)?;
     sheet_figures(&folder)?;
+    creases(&folder)?;
     if let Some(model) = arguments.next() {
         displacement(&folder, Path::new(&model))?;
     }
@@ -73,8 +75,11 @@ fn holes(folder: &Path) -> Result<(), Box<dyn Error>> {
 /// Points around a section of a tube.
 const AROUND: u32 = 48;
 
-/// Two tubes along z with a gap around the origin: radii of their sections by direction, and where they start.
-fn two_tubes(tubes: [(&dyn Fn(f64, f64) -> f64, f64); 2]) -> TriangleMesh {
+/// The radius of a tube by the sine and cosine of the direction.
+type Section<'a> = &'a dyn Fn(f64, f64) -> f64;
+
+/// Two tubes along z with a gap around the origin: their sections, and where they start.
+fn two_tubes(tubes: [(Section<'_>, f64); 2]) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for (radius, low) in tubes {
         let first = mesh.vertices.len() as u32;
@@ -211,6 +216,33 @@ fn sheet_figures(folder: &Path) -> Result<(), Box<dyn Error>> {
     show(Energy::LaplacianGradient, curve(&rim, true), &|_| -1.0, 8.0)?;
     show(Energy::LaplacianGradient, curve(&pinned, true), &flat, 0.0)?;
     write_row(&folder.join("sheets.png"), &views)
+}
+
+/// A sheet is lifted along a curve: smoothly, with a crease, and with slopes on both sides of it (figure 3.16).
+fn creases(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let (wide, deep) = (60_u32, 40_u32);
+    let at = |i: u32, j: u32| j * (wide + 1) + i;
+    let place = |i: u32, j: u32| [f64::from(i) / 20.0 - 1.5, 0.0, 1.0 - f64::from(j) / 20.0];
+    let vertices = (0..=deep).flat_map(|j| (0..=wide).map(move |i| place(i, j))).collect();
+    let squares = (0..deep).flat_map(|j| (0..wide).map(move |i| (i, j)));
+    let triangles = squares
+        .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
+        .collect();
+    let sheet = TriangleMesh { vertices, triangles };
+    let region: Vec<u32> = (3..=deep - 3).flat_map(|j| (3..=wide - 3).map(move |i| at(i, j))).collect();
+    let ridge: Vec<u32> = (10..=deep - 10).map(|j| at(wide / 2, j)).collect();
+    let (down, up) = ([0.0, -1.2, 0.0], [0.0, 0.8, 0.0]);
+    let mut views = Vec::new();
+    for slopes in [None, Some(None), Some(Some([down, down])), Some(Some([up, down]))] {
+        let sharp: Vec<SharpCurve> =
+            slopes.iter().map(|&slopes| SharpCurve { vertices: ridge.clone(), slopes }).collect();
+        let settings = RegionSettings { energy: Energy::LaplacianGradient };
+        let editor = RegionEditor::precompute(&sheet, &region, &ridge, &sharp, &settings)?;
+        let (edited, residual) = editor.edited(&sheet, &vec![[0.0, 0.6, 0.0]; ridge.len()])?;
+        println!("crease {slopes:?}: residual {residual:.1e}");
+        views.push(View { mesh: edited, patch_from: 0, paint: Paint::Clay, yaw: 0.3, pitch: 0.5 });
+    }
+    write_row(&folder.join("creases.png"), &views)
 }
 
 /// The vertex furthest along -Z, with what is around it, is drawn out (figure 3.18).

@@ -124,7 +124,7 @@ fn by_length(around: &Around, rim: &[u32]) -> (Vec<Stop>, f64) {
         ends.push(ends[k] + place(k).distance(place(k + 1)));
     }
     let total = ends[rim.len()];
-    (rim.iter().zip(&ends).map(|(&v, end)| (v, end / total)).collect(), total)
+    (rim.iter().zip(&ends).map(|(&v, end)| (v, end / total.max(f64::MIN_POSITIVE))).collect(), total)
 }
 
 /// The second rim, started where it is nearest to the first on average; its length; and how far the two are apart.
