@@ -130,7 +130,9 @@ mod tests {
         let out = with_patches(&model, &filled);
         let (split, painted) = (out.split.unwrap(), out.vertex_colors.unwrap());
         assert_eq!(painted.len(), split.mesh_vertex.len());
-        assert!(painted.len() > colors.len() + 10 && painted[..colors.len()] == colors[..]);
-        assert!(painted[colors.len()..].iter().all(|color| *color == red), "all three corners of the hole are red");
+        assert!(painted.len() > colors.len() + 10);
+        assert_eq!(painted[..colors.len()], colors[..]);
+        // All three corners of the hole are red.
+        assert_eq!(painted[colors.len()..], vec![red; painted.len() - colors.len()]);
     }
 }

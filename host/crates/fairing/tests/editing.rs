@@ -126,6 +126,8 @@ fn contradictions_are_named() {
     let (first, last) = (region[1], region[region.len() - 1]);
     assert_eq!(broken(&[0, first]), EditError::ShortCurve { given: 2 });
     assert!(matches!(broken(&[0, last, first]), EditError::NotACurve { .. }));
+    let loose = RegionEditor::precompute(&ball, &region, &[0], &[chain(&[0, first, last])], &settings).unwrap_err();
+    assert_eq!(loose, EditError::NotDragged { vertex: first });
     let adrift = RegionEditor::precompute(&ball, &everything, &[], &[], &settings).unwrap_err();
     assert!(adrift.to_string().contains("no vertex that is held"), "{adrift}");
 }

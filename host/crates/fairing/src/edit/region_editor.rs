@@ -53,10 +53,16 @@ pub enum EditError {
         pair: [u32; 2],
     },
     /// A sharp curve with slopes needs room for two sides.
-    #[error("a sharp curve with slopes needs three vertices in the region or beside it; one has {given}")]
+    #[error("a sharp curve with slopes needs three vertices or more, all in the region or beside it; one has {given}")]
     ShortCurve {
         /// How many it has there.
         given: usize,
+    },
+    /// A sharp curve with slopes is not dragged as a whole.
+    #[error("vertex {vertex} of a sharp curve with slopes is not dragged")]
+    NotDragged {
+        /// Zero-based.
+        vertex: u32,
     },
     /// A vertex is dragged to two places.
     #[error("vertex {vertex} is dragged in two ways")]
@@ -150,8 +156,11 @@ impl RegionEditor {
         for curve in sharp {
             let Some(slopes) = curve.slopes else { continue };
             let path: Vec<u32> = curve.vertices.iter().filter_map(|&v| local(v)).collect();
-            if path.len() < 3 {
+            if path.len() < 3 || path.len() < curve.vertices.len() {
                 return Err(EditError::ShortCurve { given: path.len() });
+            }
+            if let Some(&vertex) = curve.vertices.iter().find(|&&v| !dragged.contains(&weld.welded_of[v as usize])) {
+                return Err(EditError::NotDragged { vertex });
             }
             let of_mesh = |v: u32| weld.representative[reached.iter().nth(v as usize).map_or(0, |&w| w as usize)];
             let made = cut(&mut domain, places.len(), &path)
