@@ -105,34 +105,3 @@ pub fn with_patches(model: &Model, filled: &Filled) -> Model {
     out.split = Some(split);
     out
 }
-
-#[cfg(test)]
-mod tests {
-    use armature_geometry::TriangleMesh;
-
-    use super::*;
-
-    #[test]
-    fn new_vertices_have_the_colour_of_the_rim_beside_them() {
-        // An octahedron without a face, one half red, the other blue.
-        let vertices = vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]];
-        let triangles = vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5]];
-        let (red, blue) = ([1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]);
-        let colors = vec![red, blue, blue, red, red, red];
-        let model = Model {
-            mesh: TriangleMesh { vertices, triangles },
-            vertex_colors: Some(colors.clone()),
-            ..Model::default()
-        };
-        let holes = find_holes(&model.mesh).unwrap();
-        let settings = FillSettings { coarseness: 0.3, ..FillSettings::default() };
-        let filled = fill_holes(&model.mesh, &holes, &[0], &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
-        let out = with_patches(&model, &filled);
-        let (split, painted) = (out.split.unwrap(), out.vertex_colors.unwrap());
-        assert_eq!(painted.len(), split.mesh_vertex.len());
-        assert!(painted.len() > colors.len() + 10);
-        assert_eq!(painted[..colors.len()], colors[..]);
-        // All three corners of the hole are red.
-        assert_eq!(painted[colors.len()..], vec![red; painted.len() - colors.len()]);
-    }
-}
