@@ -36,7 +36,8 @@
 //! | [`biharmonic`] | [`bounded_biharmonic_weights`](biharmonic::bounded_biharmonic_weights), [`exact_partition_weights`](biharmonic::exact_partition_weights), [`shape_preservation`](biharmonic::shape_preservation) |
 //! | [`monotone`] | [`monotone_weights`](monotone::monotone_weights), [`monotone_functions`](monotone::monotone_functions): controlled extrema, smoothness of order 2 to 4; [`monotone_interpolation`](monotone::monotone_interpolation), [`smooth_keeping`](monotone::smooth_keeping) |
 //! | [`heat`] | [`bone_heat`](heat::bone_heat) |
-//! | [`finish`] | [`follow_nearest_handle`](finish::follow_nearest_handle), [`normalise`](finish::normalise), [`sparsify`](finish::sparsify) |
+//! | [`finish`] | [`follow_nearest_handle`](finish::follow_nearest_handle), [`normalise`](finish::normalise), [`sparsify`](finish::sparsify), [`limit_influences`](finish::limit_influences) |
+//! | [`transfer`] | [`transfer_weights`](transfer::transfer_weights) from a body to its clothes, [`inpaint_weights`](transfer::inpaint_weights) |
 //! | [`endpoints`] | [`endpoint_weights`](endpoints::endpoint_weights), [`joint_weights`](endpoints::joint_weights), [`projected_endpoint_weights`](endpoints::projected_endpoint_weights): for bones that stretch and twist |
 //! | [`harmonic`] | [`harmonic_function`](harmonic::harmonic_function), [`positive_conductances`](harmonic::positive_conductances) |
 //! | [`extrema`] | [`local_extrema`](extrema::local_extrema), [`spurious_extrema`](extrema::spurious_extrema), [`persistence`](extrema::persistence), [`order_with_extrema`](extrema::order_with_extrema) |
@@ -61,6 +62,7 @@ pub mod heat;
 pub mod monotone;
 mod progress;
 mod sparse;
+pub mod transfer;
 mod weight_matrix;
 
 pub use bone_segment::BoneSegment;

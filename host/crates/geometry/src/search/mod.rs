@@ -19,4 +19,4 @@ mod triangle_hierarchy;
 pub(crate) mod triangle_queries;
 
 pub use triangle_hierarchy::{ClosestPoint, SegmentHit, TriangleHierarchy};
-pub use triangle_queries::closest_on_segment;
+pub use triangle_queries::{barycentric, closest_on_segment};

@@ -29,8 +29,9 @@ pub(crate) fn closest_on_triangle(query: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3
         .unwrap_or(*a)
 }
 
-/// Of a point in the triangle: none negative, sum 1. A triangle without area is treated as its longest edge.
-pub(crate) fn barycentric(point: DVec3, [a, b, c]: &[DVec3; 3]) -> [f64; 3] {
+/// The shares of a triangle's corners in a point of it: none negative, sum 1. A triangle without area is treated as its
+/// longest edge.
+pub fn barycentric(point: DVec3, [a, b, c]: &[DVec3; 3]) -> [f64; 3] {
     let normal = (*b - *a).cross(*c - *a);
     let parts = [(b, c), (c, a), (a, b)].map(|(p, q)| (*p - point).cross(*q - point).dot(normal).max(0.0));
     let sum = parts.iter().sum::<f64>();

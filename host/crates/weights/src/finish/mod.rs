@@ -2,7 +2,8 @@
 //!
 //! - [`follow_nearest_handle`] assigns pieces of the shape that no handle holds to their nearest one;
 //! - [`normalise`] scales every vertex's weights to sum to one;
-//! - [`sparsify`] keeps a few influences per vertex.
+//! - [`sparsify`] keeps a few influences per vertex;
+//! - [`limit_influences`] does so with weights that are sparse already, and leaves rows within the limit as they are.
 //!
 //! ```
 //! use armature_weights::{WeightMatrix, finish::{normalise, sparsify}};
@@ -16,8 +17,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod limit_influences;
 mod normalise;
 mod sparsify;
 
+pub use limit_influences::limit_influences;
 pub use normalise::{Normalisation, follow_nearest_handle, normalise};
 pub use sparsify::{Sparsification, SparsifyError, sparsify};
