@@ -204,10 +204,15 @@ fn bind_failure(mesh: &Path, error: &armature_character::bind::BindError) -> Fai
         BindError::NoSkeleton => Failure::input(what, format!("armature bind {} --skeleton BONES.tgf", mesh.display())),
         BindError::Cancelled { .. } => Failure::usage(what, ""),
         BindError::Biharmonic(error) => weights_failure(mesh, error),
-        BindError::Heat(_) | BindError::Sparsify(_) | BindError::Smooth(_) => Failure::not_converged(
-            what,
-            format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()),
-        ),
+        BindError::NoSuchPart { .. } | BindError::NothingToTransfer => {
+            Failure::usage(what, format!("`armature inspect {}` lists the parts", mesh.display()))
+        }
+        BindError::Heat(_) | BindError::Sparsify(_) | BindError::Smooth(_) | BindError::Transfer(_) => {
+            Failure::not_converged(
+                what,
+                format!("`armature inspect {}` says what is wrong with the mesh", mesh.display()),
+            )
+        }
         _ => Failure::input(what, format!("`armature inspect {}` says more", mesh.display())),
     }
 }

@@ -261,7 +261,7 @@ pub struct BenchArgs {
     /// How many times `device/replug-…` pulls the cable
     #[arg(long, default_value_t = 100, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=10_000))]
     pub replugs: usize,
-    /// A Python with Blender's `bpy` module, to compare with Blender's automatic weights
+    /// A Python with Blender's `bpy` module, to compare with its automatic weights and its importer
     #[arg(long, value_name = "PYTHON", env = "ARMATURE_BPY_PYTHON")]
     pub bpy_python: Option<PathBuf>,
     /// A Python with `libigl`, to compare with its winding numbers and weights

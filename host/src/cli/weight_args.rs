@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use armature_character::bind::{BindMethod, WEIGHT_VOLUME_VERTICES};
+use armature_character::bind::{BindMethod, MOST_INFLUENCES, WEIGHT_VOLUME_VERTICES};
 use armature_character::handle_weights::{BiharmonicTier, FLAT, Partition, WeightsOn};
 use armature_weights::biharmonic::{BiharmonicSettings, ExactPartitionSettings};
 use armature_weights::handles::{FREE_NEAR_JOINTS, MOST_FREE_NEAR_JOINTS};
@@ -256,6 +256,7 @@ they can be from the optimal ones. {problem} Binding the same files again takes 
   armature bind armadillo.obj -s armadillo.tgf --method monotone                nothing far from a bone wiggles or lags
   armature bind armadillo.obj -s armadillo.tgf --method heat                    bone heat, for comparison
   armature bind fox.glb                                                         an artist's own weights stay
+  armature bind fox.glb --influences 4                                          no more than a game engine takes
   armature bind fox.glb --smooth-weights                                        without the noise of a brush
   armature bind body.obj -s bones.tgf --picture body.png --picture-of bone_3    where one bone moves the mesh";
 
@@ -286,9 +287,14 @@ pub struct BindArgs {
     /// Near joints.
     #[command(flatten)]
     pub release: ReleaseArgs,
-    /// Most bones that a vertex may follow, 1 to 8; without it, 8, or 4 with bone heat
+    /// Most bones that a vertex may follow, 1 to 16, also with weights that come with the file; without it, those stay, and
+    /// computed ones have up to 8, or 4 with bone heat
     #[arg(long, value_parser = influence_count)]
     pub influences: Option<usize>,
+    /// A part of the file, such as a shirt, that takes its weights from the other parts, even if it has some; may be given
+    /// several times. Parts without weights do so by themselves where they lie on others
+    #[arg(long, value_name = "PART")]
+    pub transfer: Vec<String>,
     /// Replace the file's own skeleton and weights
     #[arg(long)]
     pub replace_rig: bool,
@@ -374,7 +380,11 @@ pub struct WeightsArgs {
 
 fn influence_count(text: &str) -> Result<usize, String> {
     let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
-    if (1..=8).contains(&count) { Ok(count) } else { Err("give 1 to 8; most engines take 4".into()) }
+    if (1..=MOST_INFLUENCES).contains(&count) {
+        Ok(count)
+    } else {
+        Err(format!("give 1 to {MOST_INFLUENCES}; most engines take 4 or 8"))
+    }
 }
 
 #[cfg(test)]

@@ -46,6 +46,10 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
     let settings = BindSettings {
         replace_rig: args.replace_rig,
         max_influences: args.influences.unwrap_or(args.method.influences()),
+        // Only what these change gets another place in the cache.
+        limit_painted: args.influences.filter(|_| model.rig.is_some() && !args.replace_rig),
+        bind_unbound: model.rig.as_ref().is_some_and(|rig| !rig.unbound.is_empty()),
+        transfer: args.transfer.clone(),
         method: args.method.for_bind(args.order.order()),
         on: args.domain.volume_or_asked(),
         joint_release: args.release.share(),

@@ -37,7 +37,9 @@ fn lowered(sentence: &str) -> String {
 /// Reads a mesh with whatever else its file holds.
 pub fn model(path: &Path) -> Result<Model, Failure> {
     let bytes = files::read(path)?;
-    Ok(armature_formats::read_model(&path.display().to_string(), &bytes, &files::neighbours(path))?)
+    let mut model = armature_formats::read_model(&path.display().to_string(), &bytes, &files::neighbours(path))?;
+    files::grey_maps::join_grey_maps(&mut model);
+    Ok(model)
 }
 
 /// What a character can be made of.

@@ -1,5 +1,6 @@
 //! Files, as the program reads and writes them: whole, with errors that name the file and the remedy.
 
+pub mod grey_maps;
 pub mod inputs;
 mod output;
 pub mod places;

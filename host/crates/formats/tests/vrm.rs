@@ -51,7 +51,7 @@ fn new() -> Value {
             }
         },
         "VRMC_springBone": {
-            "colliders": [{ "node": 0, "shape": { "capsule": { "offset": [0, 1, 0], "radius": 0.25, "tail": [0, 2, 0] } } },
+            "colliders": [{ "node": 0, "shape": { "capsule": { "offset": [0, 1, -0.5], "radius": 0.25, "tail": [0, 2, 0] } } },
                           { "node": 99, "shape": { "sphere": {} } }],
             "colliderGroups": [{ "colliders": [0, 1, 5] }],
             "springs": [{ "name": "tail", "joints": [
@@ -71,7 +71,7 @@ fn old() -> Value {
         "secondaryAnimation": {
             "boneGroups": [{ "comment": "tail", "stiffiness": 2, "gravityPower": 0.5, "gravityDir": { "x": 0, "y": 0, "z": 1 },
                 "dragForce": 0.25, "hitRadius": 0.125, "bones": [1, 1234], "colliderGroups": [0] }],
-            "colliderGroups": [{ "node": 0, "colliders": [{ "offset": { "x": 0, "y": 1, "z": 0 }, "radius": 0.25 }] }]
+            "colliderGroups": [{ "node": 0, "colliders": [{ "offset": { "x": 0, "y": 1, "z": 0.5 }, "radius": 0.25 }] }]
         }
     } })
 }
@@ -97,6 +97,8 @@ fn both_versions_say_the_same_of_an_avatar() {
         assert_eq!(first.gravity_direction.map(f32::to_bits), [0.0, 0.0, -1.0].map(f32::to_bits));
         assert_eq!(spring.colliders.len(), 1);
         assert_eq!(spring.colliders[0].tail, tail);
+        // The old version has z the other way round here.
+        assert_eq!(spring.colliders[0].offset.map(f32::to_bits), [0.0, 1.0, -0.5].map(f32::to_bits));
     }
 }
 

@@ -14,7 +14,7 @@ const PLAIN: [f32; 4] = [0.6, 0.58, 0.55, 1.0];
 /// All arrays have the same length.
 pub(super) fn assemble(model: Model, provenance: Provenance) -> Result<Character, BindError> {
     let model = if model.split.is_some() { model.split_at_seams() } else { model };
-    let ModelRig { skeleton, influences, skins } = model.rig.ok_or(BindError::NoSkeleton)?;
+    let ModelRig { skeleton, influences, skins, .. } = model.rig.ok_or(BindError::NoSkeleton)?;
     if influences.vertex_count() != model.mesh.vertices.len() {
         return Err(BindError::Inconsistent { what: "weights" });
     }

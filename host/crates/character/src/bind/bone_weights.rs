@@ -19,8 +19,8 @@ use crate::progress::Progress;
 
 /// Dropping more than this fraction of a vertex's weight is worth a warning.
 const MUCH_DROPPED: f64 = 0.05;
-/// The most influences a vertex may have.
-const MOST_INFLUENCES: usize = 8;
+/// More influences are not proposed: engines take no more.
+const PROPOSED_INFLUENCES: usize = 8;
 /// Most names listed in one sentence.
 const MOST_NAMES: usize = 8;
 
@@ -53,7 +53,7 @@ pub(crate) fn bone_weights(
         }
     };
     if sparse.max_dropped > MUCH_DROPPED {
-        let more = if settings.max_influences < MOST_INFLUENCES { "; 8 would keep more" } else { "" };
+        let more = if settings.max_influences < PROPOSED_INFLUENCES { "; 8 would keep more" } else { "" };
         weights.warnings.push(format!(
             "keeping {} influences per vertex dropped up to {:.0} % of a vertex's weight, {:.1} % on average{more}",
             settings.max_influences,

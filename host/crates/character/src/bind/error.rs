@@ -6,8 +6,10 @@ use armature_rig::SkeletonError;
 use armature_weights::finish::SparsifyError;
 use armature_weights::heat::BoneHeatError;
 use armature_weights::monotone::MonotoneError;
+use armature_weights::transfer::TransferError;
 
 use super::misfit::Misfit;
+use super::settings::MOST_INFLUENCES;
 use crate::handle_weights::HandleWeightsError;
 
 /// Why a model was not bound.
@@ -53,8 +55,22 @@ pub enum BindError {
     #[error("the skeleton does not fit the mesh: {0}")]
     Misfit(Misfit),
     /// Too few or too many influences per vertex.
-    #[error("{0} influences per vertex are not possible; choose 1 to 8")]
+    #[error("{0} influences per vertex are not possible; choose 1 to {MOST_INFLUENCES}")]
     InfluenceCount(usize),
+    /// No part has this name.
+    #[error("the model has no part {name:?}{}", among(names))]
+    NoSuchPart {
+        /// The name.
+        name: String,
+        /// Those there are.
+        names: Vec<String>,
+    },
+    /// Every part is to take its weights from the others.
+    #[error("no part is left to take weights from; leave one out")]
+    NothingToTransfer,
+    /// Weights could not be taken from other parts, or filled in.
+    #[error(transparent)]
+    Transfer(TransferError),
     /// The bones are not a valid skeleton.
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
@@ -79,6 +95,19 @@ pub enum BindError {
         /// What was being done.
         stage: &'static str,
     },
+}
+
+fn among(names: &[String]) -> String {
+    if names.is_empty() { String::new() } else { format!("; it has {}", names.join(", ")) }
+}
+
+impl From<TransferError> for BindError {
+    fn from(error: TransferError) -> Self {
+        match error {
+            TransferError::Cancelled { stage } => Self::Cancelled { stage },
+            other => Self::Transfer(other),
+        }
+    }
 }
 
 impl From<BoneHeatError> for BindError {

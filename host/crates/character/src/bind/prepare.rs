@@ -4,12 +4,14 @@ use armature_formats::model::{Model, Skin, check_parts};
 use armature_geometry::MeshError;
 
 use super::error::BindError;
-use super::settings::BindSettings;
+use super::settings::{BindSettings, MOST_INFLUENCES};
 
 /// Conditions that every later step relies on.
 pub(super) fn check(model: &Model, settings: &BindSettings) -> Result<(), BindError> {
-    if !(1..=8).contains(&settings.max_influences) {
-        return Err(BindError::InfluenceCount(settings.max_influences));
+    for count in [Some(settings.max_influences), settings.limit_painted].into_iter().flatten() {
+        if !(1..=MOST_INFLUENCES).contains(&count) {
+            return Err(BindError::InfluenceCount(count));
+        }
     }
     model.mesh.validate().map_err(|error| match error {
         MeshError::Empty => {
@@ -39,6 +41,7 @@ pub(super) fn check(model: &Model, settings: &BindSettings) -> Result<(), BindEr
         let bones = rig.skeleton.len();
         let mut followed = (0..vertices).flat_map(|v| rig.influences.of_vertex(v));
         belongs("bones", followed.all(|(bone, _)| usize::from(bone) < bones))?;
+        belongs("vertices without weights", rig.unbound.iter().all(|&vertex| (vertex as usize) < vertices))?;
     }
     Ok(())
 }

@@ -10,6 +10,9 @@ use crate::handle_weights::{BiharmonicTier, WeightsOn};
 /// (`armature bench weights/convergence`).
 pub const WEIGHT_VOLUME_VERTICES: usize = 5_000;
 
+/// The most influences that a vertex can have.
+pub const MOST_INFLUENCES: usize = 16;
+
 /// How weights are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindMethod {
@@ -29,8 +32,15 @@ pub enum BindMethod {
 pub struct BindSettings {
     /// Compute new weights even if the model has an artist's.
     pub replace_rig: bool,
-    /// Most influences a vertex may have, 1 to 8.
+    /// Most influences that computed and transferred weights may give a vertex, 1 to [`MOST_INFLUENCES`].
     pub max_influences: usize,
+    /// The same for weights that come with the model; `None` leaves them alone.
+    pub limit_painted: Option<usize>,
+    /// Give weights to what comes without in a rigged model: vertices that the artist left out get those around them, parts
+    /// those of the parts they lie on.
+    pub bind_unbound: bool,
+    /// Parts, by name, that take their weights from the other parts even if they have some.
+    pub transfer: Vec<String>,
     /// How weights are computed.
     pub method: BindMethod,
     /// What bounded biharmonic and monotone weights are computed on.
@@ -50,6 +60,9 @@ impl Default for BindSettings {
             replace_rig: false,
             // Smooth weights reach far: where many bones meet, four would leave seams.
             max_influences: 8,
+            limit_painted: None,
+            bind_unbound: false,
+            transfer: Vec::new(),
             method: BindMethod::Biharmonic(BiharmonicTier::Interactive),
             on: WeightsOn::Volume { vertices: WEIGHT_VOLUME_VERTICES },
             joint_release: FREE_NEAR_JOINTS,

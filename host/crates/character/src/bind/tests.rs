@@ -186,7 +186,7 @@ fn a_flat_figure_is_bound_on_its_triangles() {
 fn an_artists_rig_is_kept_unless_told_otherwise() {
     let rows = model().mesh.vertices.len();
     let influences = Influences::new(1, vec![2; rows], vec![1.0; rows], 3).unwrap();
-    let rig = ModelRig { skeleton: arm(1.0), influences: influences.clone(), skins: Vec::new() };
+    let rig = ModelRig { skeleton: arm(1.0), influences: influences.clone(), ..ModelRig::default() };
     let rigged = Model { rig: Some(rig), ..model() };
     let other = Skeleton::new(vec![bone("only", None, [0.0, 0.5, 0.0], [0.0, 1.0, 0.0])]).unwrap();
 

@@ -40,7 +40,18 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
         hasher.update(file);
     }
     // Destructured, so that a new setting cannot be forgotten here.
-    let BindSettings { replace_rig, max_influences, method, on, joint_release, smooth_weights, heat } = settings;
+    let BindSettings {
+        replace_rig,
+        max_influences,
+        limit_painted,
+        bind_unbound,
+        transfer,
+        method,
+        on,
+        joint_release,
+        smooth_weights,
+        heat,
+    } = settings;
     let armature_weights::heat::BoneHeatSettings { heat, tie_ratio, weld_ratio, visibility } = heat;
     let visibility = match visibility {
         Visibility::Inside => 0,
@@ -63,7 +74,19 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
     for number in [heat, tie_ratio, weld_ratio, joint_release] {
         hasher.update(&number.to_le_bytes());
     }
-    // Characters bound without it keep their key.
+    // Characters bound without these keep their key.
+    if let Some(most) = limit_painted {
+        hasher.update(b"limited");
+        hasher.update(&(*most as u64).to_le_bytes());
+    }
+    if *bind_unbound {
+        hasher.update(b"what came without weights bound");
+    }
+    for part in transfer {
+        hasher.update(b"transferred");
+        hasher.update(&(part.len() as u64).to_le_bytes());
+        hasher.update(part.as_bytes());
+    }
     if let Some(least) = smooth_weights {
         hasher.update(b"smoothed");
         hasher.update(&least.to_le_bytes());
@@ -88,6 +111,9 @@ mod tests {
             cache_key(&[b"mesh", b"bones"], &other),
             cache_key(&[b"mesh", b"bones"], &BindSettings { max_influences: 3, ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { replace_rig: true, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { limit_painted: Some(4), ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { bind_unbound: true, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { transfer: vec!["coat".into()], ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { method: BindMethod::BoneHeat, ..plain.clone() }),
             cache_key(
                 &[b"mesh", b"bones"],

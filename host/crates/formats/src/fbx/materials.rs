@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ufbx::{MaterialMap, Texture as FbxTexture, WrapMode};
 
 use crate::model::texture::{forward_slashes, texture};
-use crate::model::{AlphaMode, Material, Resolver, Texture, Wrap};
+use crate::model::{AlphaMode, GreyMaps, Material, Resolver, Texture, Wrap};
 use crate::text::quoted;
 
 /// The materials that are used, in order of appearance. An image that several maps use is fetched once.
@@ -14,6 +14,7 @@ pub(super) struct Materials<'r> {
     /// The library's number of each.
     numbers: Vec<u32>,
     pub(super) read: Vec<Material>,
+    pub(super) grey_maps: Vec<GreyMaps>,
     /// How texture coordinates of each become places in its image, if they are changed.
     placements: Vec<Option<[[f64; 3]; 2]>>,
     images: Vec<(u32, Option<Arc<Texture>>)>,
@@ -26,6 +27,7 @@ impl<'r> Materials<'r> {
             resolver,
             numbers: Vec::new(),
             read: Vec::new(),
+            grey_maps: Vec::new(),
             placements: Vec::new(),
             images: Vec::new(),
             warnings: Vec::new(),
@@ -73,11 +75,15 @@ impl<'r> Materials<'r> {
         let opacity = number(&pbr.opacity, opacity_of_phong(&material.fbx));
         let clear = [&pbr.opacity, &material.fbx.transparency_color, &material.fbx.transparency_factor];
         let shares_image = clear.iter().any(|map| map.texture.is_some() && map.texture_enabled);
-        for (map, kind) in [(&pbr.roughness, "roughness"), (&pbr.metalness, "metalness")] {
-            if map.texture.is_some() && map.texture_enabled {
-                let named = quoted(&name);
-                self.warnings.push(format!("The {kind} map of the material {named} is not used, only its number."));
-            }
+        let is_glossiness = material.features.roughness_as_glossiness.enabled;
+        if is_glossiness && pbr.roughness.texture.is_some() && pbr.roughness.texture_enabled {
+            let named = quoted(&name);
+            self.warnings.push(format!("The map of the material {named} that holds glossiness is not used."));
+        }
+        let roughness = if is_glossiness { None } else { self.map(&pbr.roughness) };
+        let metallic = self.map(&pbr.metalness);
+        if roughness.is_some() || metallic.is_some() {
+            self.grey_maps.push(GreyMaps { material: self.read.len() as u32, roughness, metallic });
         }
         let strength = number(&pbr.emission_factor, 1.0);
         let emission = if pbr.emission_color.has_value { pbr.emission_color.value_vec4 } else { ufbx::Vec4::default() };

@@ -9,7 +9,7 @@ use super::materials::{Materials, uv_set};
 use super::open::{affine, number, vector};
 use super::rig::Rig;
 use crate::FormatError;
-use crate::model::collect::{Collected, FileTarget, FileVertex};
+use crate::model::collect::{Collected, FileTarget, FileVertex, Following};
 use crate::text::counted;
 use crate::text::names::UniqueNames;
 
@@ -26,8 +26,8 @@ pub(super) struct Gathered<'s> {
     between_shapes: usize,
 }
 
-/// The frame and the influences of every vertex of a mesh.
-type Places = Vec<(DAffine3, Vec<(u16, f32)>)>;
+/// The frame of every vertex of a mesh and what it follows.
+type Places = Vec<(DAffine3, Following)>;
 
 /// A corner as it is drawn: the vertex, and what differs from corner to corner.
 #[derive(PartialEq, Eq, Hash)]
@@ -168,7 +168,7 @@ impl<'s> Gathered<'s> {
                 }
             }
             let share = DAffine3 { matrix3: sum.matrix3 * (1.0 / total), translation: sum.translation / total };
-            (!influences.is_empty() && share.is_finite()).then_some((share, influences))
+            (!influences.is_empty() && share.is_finite()).then_some((share, Following::bound(influences)))
         };
         let places: Vec<Option<_>> = (0..mesh.num_vertices).map(place).collect();
         self.unweighted += places.iter().filter(|place| place.is_none()).count();
@@ -186,15 +186,15 @@ impl<'s> Gathered<'s> {
     }
 
     /// A mesh without a skin follows the bone it is attached to.
-    fn rigid_place(&self, node: &Node) -> (DAffine3, Vec<(u16, f32)>) {
+    fn rigid_place(&self, node: &Node) -> (DAffine3, Following) {
         let world = affine(&node.geometry_to_world);
         let Some(bone) = self.rig.bone_above(number(node)) else {
-            let influences = if self.rig.node_of_bone.is_empty() { Vec::new() } else { vec![(0, 1.0)] };
-            return (world, influences);
+            let none = self.rig.node_of_bone.is_empty();
+            return (world, if none { Following::default() } else { Following::made_up(0) });
         };
         let shown = affine(&self.scene.nodes[self.rig.node_of_bone[bone]].node_to_world);
         let local = if shown.matrix3.determinant() == 0.0 { world } else { shown.inverse() * world };
-        (self.rig.rest[bone] * local, vec![(bone as u16, 1.0)])
+        (self.rig.rest[bone] * local, Following::bound(vec![(bone as u16, 1.0)]))
     }
 
     /// The shapes of a mesh's channels, as offsets of all its vertices.

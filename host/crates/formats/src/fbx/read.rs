@@ -28,7 +28,7 @@ pub(crate) fn read_fbx(file: &str, bytes: &[u8], resolver: Resolver) -> Result<M
     if let [name] = gathered.mesh_names.as_slice() {
         name.clone_into(&mut model.name);
     }
-    model.materials = materials.read;
+    (model.materials, model.grey_maps) = (materials.read, materials.grey_maps);
     model.warnings.append(&mut materials.warnings);
     let skeleton = Some(&rig.skeleton).filter(|skeleton| !skeleton.is_empty());
     let remedy = "Repair the model or export it again";

@@ -13,7 +13,7 @@ use super::skin::{Rig, blend};
 use super::vrm::TargetSource;
 use crate::FormatError;
 use crate::model::Model;
-use crate::model::collect::{Collected, FileTarget, FileVertex};
+use crate::model::collect::{Collected, FileTarget, FileVertex, Following};
 use crate::text::counted;
 use crate::text::names::UniqueNames;
 
@@ -138,14 +138,14 @@ impl<'r> Gathered<'r> {
     ) -> Result<(), FormatError> {
         let place = self.place(document, nodes, node, vertices)?;
         for &vertex in used {
-            let (frame, influences) = place(self, vertex)?;
+            let (frame, following) = place(self, vertex)?;
             let read = FileVertex {
                 position: DVec3::from(vertices.positions[vertex].map(f64::from)),
                 normal: vertices.normals.as_ref().map(|n| n[vertex]),
                 texture: vertices.textures.as_ref().map(|t| t[vertex]),
                 color: vertices.colors.as_ref().map(|c| c[vertex]),
             };
-            self.collected.add_vertex(&frame, &read, influences).map_err(|what| document.error(what))?;
+            self.collected.add_vertex(&frame, &read, following).map_err(|what| document.error(what))?;
         }
         Ok(())
     }
@@ -159,7 +159,7 @@ impl<'r> Gathered<'r> {
         vertices: &'a Vertices,
     ) -> Result<Place<'a>, FormatError> {
         let world = nodes.world[node];
-        let Some(rig) = self.rig else { return Ok(Box::new(move |_, _| Ok((world, Vec::new())))) };
+        let Some(rig) = self.rig else { return Ok(Box::new(move |_, _| Ok((world, Following::default())))) };
         let skin = match document.root.nodes[node].skin {
             Some(index) => {
                 document.get(&document.root.skins, index, "skin")?;
@@ -178,8 +178,8 @@ impl<'r> Gathered<'r> {
                 }
                 rig.rest[b] * nodes.world[joint].inverse() * world
             });
-            let bone = bone.unwrap_or(0) as u16;
-            return Ok(Box::new(move |_, _| Ok((frame, vec![(bone, 1.0)]))));
+            let following = bone.map_or(Following::made_up(0), |bone| Following::bound(vec![(bone as u16, 1.0)]));
+            return Ok(Box::new(move |_, _| Ok((frame, following.clone()))));
         };
         let joints = &document.root.skins[skin].joints;
         let bones: Vec<usize> = joints.iter().filter_map(|joint| rig.bone_of_node[joint.value()]).collect();
@@ -199,7 +199,8 @@ impl<'r> Gathered<'r> {
                     }
                 }
             }
-            if influences.is_empty() {
+            let unbound = influences.is_empty();
+            if unbound {
                 gathered.unweighted += 1;
                 influences.push((0, 1.0));
             }
@@ -213,7 +214,7 @@ impl<'r> Gathered<'r> {
                     None => of_bones.push((bone, weight)),
                 }
             }
-            Ok((frame, of_bones))
+            Ok((frame, Following { influences: of_bones, unbound }))
         }))
     }
 
@@ -235,8 +236,8 @@ impl<'r> Gathered<'r> {
     }
 }
 
-/// Frame and influences of a vertex; counts what had to be repaired.
-type Place<'a> = Box<dyn Fn(&mut Gathered, usize) -> Result<(DAffine3, Vec<(u16, f32)>), FormatError> + 'a>;
+/// Frame of a vertex and what it follows; counts what had to be repaired.
+type Place<'a> = Box<dyn Fn(&mut Gathered, usize) -> Result<(DAffine3, Following), FormatError> + 'a>;
 
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]

@@ -144,11 +144,10 @@ impl Reader<'_> {
     /// Every path from the roots that are given to a tip is a chain.
     fn old_springs(&self, vrm: &Value) -> Vec<SpringChain> {
         let secondary = &vrm["secondaryAnimation"];
-        let sphere = |bone: u32, collider: &Value| SpringCollider {
-            bone,
-            offset: old_vector(&collider["offset"], [0.0; 3]),
-            tail: None,
-            radius: float(&collider["radius"], 0.0),
+        let sphere = |bone: u32, collider: &Value| {
+            // UniVRM wrote offsets, but not gravity, with z as it has it itself: the other way round.
+            let [x, y, z] = old_vector(&collider["offset"], [0.0; 3]);
+            SpringCollider { bone, offset: [x, y, 0.0 - z], tail: None, radius: float(&collider["radius"], 0.0) }
         };
         let groups: Vec<Vec<SpringCollider>> = items(&secondary["colliderGroups"])
             .map(|group| {

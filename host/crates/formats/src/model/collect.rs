@@ -23,6 +23,8 @@ pub(crate) struct Collected {
     colors: Vec<[f32; 4]>,
     /// Bones and weights, as many as each vertex has.
     influences: Vec<Vec<(u16, f32)>>,
+    /// Whether they are made up, because the file has none.
+    unbound: Vec<bool>,
     triangles: Vec<[u32; 3]>,
     parts: Vec<MeshPart>,
     morph_targets: Vec<MorphTarget>,
@@ -35,6 +37,27 @@ pub(crate) struct Collected {
     /// Of the vertices of the part that is being added, without their translations.
     frames: Vec<DMat3>,
     has_normals: bool,
+}
+
+/// What a vertex follows.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Following {
+    /// Bones and weights.
+    pub(crate) influences: Vec<(u16, f32)>,
+    /// Whether they are made up, because the file does not say.
+    pub(crate) unbound: bool,
+}
+
+impl Following {
+    /// A vertex that the file binds to these bones.
+    pub(crate) fn bound(influences: Vec<(u16, f32)>) -> Self {
+        Self { influences, unbound: false }
+    }
+
+    /// A vertex of which the file says nothing, on a bone that is likely to carry it.
+    pub(crate) fn made_up(bone: u16) -> Self {
+        Self { influences: vec![(bone, 1.0)], unbound: true }
+    }
 }
 
 /// A drawn vertex as the file has it.
@@ -61,7 +84,7 @@ impl Collected {
         &mut self,
         frame: &DAffine3,
         vertex: &FileVertex,
-        influences: Vec<(u16, f32)>,
+        following: Following,
     ) -> Result<(), &'static str> {
         let position = frame.transform_point3(vertex.position);
         if !position.is_finite() {
@@ -82,7 +105,8 @@ impl Collected {
         self.textures.push(if is_number { texture } else { [0.0; 2] });
         self.has_colors |= vertex.color.is_some();
         self.colors.push(vertex.color.unwrap_or([1.0; 4]));
-        self.influences.push(influences);
+        self.influences.push(following.influences);
+        self.unbound.push(following.unbound);
         self.frames.push(frame.matrix3);
         Ok(())
     }
@@ -121,11 +145,11 @@ impl Collected {
 
     /// Welds the drawn vertices into the model's mesh. `skeleton`: what the influences are of, if there is one.
     pub(crate) fn finish(mut self, skeleton: Option<&Skeleton>, model: &mut Model) -> Result<(), String> {
-        let key = |(position, influences): (&[f64; 3], &Vec<(u16, f32)>)| {
-            let row: Vec<(u16, u32)> = influences.iter().map(|(bone, w)| (*bone, w.to_bits())).collect();
-            (position_key(*position), row)
+        let key = |vertex: usize| {
+            let row: Vec<(u16, u32)> = self.influences[vertex].iter().map(|(bone, w)| (*bone, w.to_bits())).collect();
+            (position_key(self.positions[vertex]), row, self.unbound[vertex])
         };
-        let (firsts, groups) = weld(self.positions.iter().zip(&self.influences).map(key));
+        let (firsts, groups) = weld((0..self.positions.len()).map(key));
         let has_normals = self.without_normals.len() < self.parts.len();
         let in_parts = self.parts.len() > 1 || !self.morph_targets.is_empty();
         if firsts.len() < self.positions.len() && (has_normals || self.has_textures || self.has_colors || in_parts) {
@@ -148,7 +172,9 @@ impl Collected {
         if let Some(skeleton) = skeleton {
             let rows: Vec<&[(u16, f32)]> = firsts.iter().map(|&f| self.influences[f as usize].as_slice()).collect();
             let influences = influences(&rows, skeleton.len(), &mut model.warnings).map_err(|e| e.to_string())?;
-            model.rig = Some(ModelRig { skeleton: skeleton.clone(), influences, skins: Vec::new() });
+            let numbered = (0..).zip(&firsts).filter(|(_, first)| self.unbound[**first as usize]);
+            let unbound = numbered.map(|(vertex, _)| vertex).collect();
+            model.rig = Some(ModelRig { skeleton: skeleton.clone(), influences, skins: Vec::new(), unbound });
         }
         if in_parts {
             (model.parts, model.morph_targets) = (self.parts, self.morph_targets);

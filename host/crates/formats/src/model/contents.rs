@@ -5,7 +5,7 @@ use armature_rig::{Motion, Skeleton};
 use glam::Affine3A;
 
 use super::avatar::Avatar;
-use super::material::Material;
+use super::material::{GreyMaps, Material};
 use super::parts::{MeshPart, MorphTarget};
 
 /// A mesh with everything that came with it.
@@ -39,6 +39,8 @@ pub struct Model {
     pub parts: Vec<MeshPart>,
     /// What parts are drawn with.
     pub materials: Vec<Material>,
+    /// What is not yet in `materials`, because images would have to be decoded for it.
+    pub grey_maps: Vec<GreyMaps>,
     /// Shapes that parts can be blended towards. `mesh` is the shape with all of them at their default weights.
     pub morph_targets: Vec<MorphTarget>,
     /// The artist's own skeleton and weights.
@@ -69,6 +71,9 @@ pub struct ModelRig {
     pub influences: Influences,
     /// Poses other than the skeleton's rest pose that parts were bound in.
     pub skins: Vec<Skin>,
+    /// Vertices of `Model::mesh`, ascending, of which the file does not say what they follow. Their rows are made up: they
+    /// stay with a bone that is likely to carry the whole.
+    pub unbound: Vec<u32>,
 }
 
 /// The pose of the bones in which mesh parts were bound, where that is not the skeleton's rest pose. Their vertices are
@@ -115,6 +120,10 @@ impl Model {
             skeleton: rig.skeleton.clone(),
             influences: select_rows(&rig.influences, &split.mesh_vertex, rig.skeleton.len()),
             skins: rig.skins.clone(),
+            unbound: {
+                let unbound = |vertex: &u32| rig.unbound.binary_search(vertex).is_ok();
+                (0..).zip(&split.mesh_vertex).filter(|(_, vertex)| unbound(vertex)).map(|(drawn, _)| drawn).collect()
+            },
         });
         Self {
             mesh: TriangleMesh { vertices, triangles: split.triangles.clone() },

@@ -33,6 +33,18 @@ pub struct Material {
     pub unlit: bool,
 }
 
+/// Images of roughness and metallic apart, as FBX has them: grey, linear. A [`Material`] has both in one image, which has
+/// to be made of these by decoding them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GreyMaps {
+    /// Zero-based material.
+    pub material: u32,
+    /// In place of the material's number, not multiplied by it.
+    pub roughness: Option<Arc<Texture>>,
+    /// The same.
+    pub metallic: Option<Arc<Texture>>,
+}
+
 /// An image as its file's bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Texture {

@@ -11,6 +11,6 @@ pub(crate) mod texture;
 
 pub use avatar::{Avatar, Expression, HumanoidBone, SpringChain, SpringCollider, SpringJoint};
 pub use contents::{Model, ModelRig, Skin, Split};
-pub use material::{AlphaMode, Material, Texture, Wrap};
+pub use material::{AlphaMode, GreyMaps, Material, Texture, Wrap};
 pub use parts::{MeshPart, MorphTarget, PartError, check_parts};
 pub use resolver::Resolver;
