@@ -1,9 +1,9 @@
 """Makes characters in a real Blender, exports them, and says how Blender poses them.
 
     pip install bpy
-    python tests/blender_models.py FOLDER
+    python tests/blender_models.py FOLDER [NODE_MODULES]
 
-For every file NAME it writes NAME.json beside it, in our own axes (+Y up) and in metres:
+With NODE_MODULES, a folder that has the npm package gltfpack, files that it quantised and compressed are there too. For every file NAME it writes NAME.json beside it, in our own axes (+Y up) and in metres:
 
     {"frames_per_second": 24, "bones": ["hips", ...], "targets": ["Smile", ...], "materials": ["cloth", ...],
      "meshes": [{"rest": [[x, y, z], ...], "posed": {"1": [[x, y, z], ...], "9": ...}}, ...]}
@@ -14,6 +14,8 @@ where the numbers of "posed" are frames, the first key being at frame 1. Shape k
 import json
 import math
 import os
+import shutil
+import subprocess
 import sys
 
 FRAMES = [1, 5, 9]
@@ -33,18 +35,20 @@ def material(bpy, name, color, folder, maps=False, alpha=None):
     shader.inputs["Base Color"].default_value = color
     shader.inputs["Roughness"].default_value = 0.25
     if maps:
-        for kind in ("color", "normal"):
+        for kind in ("color", "normal", "Roughness", "Metallic"):
             image = bpy.data.images.new(f"{name}_{kind}", 4, 4)
-            image.pixels = [0.5, 0.5, 1.0, 1.0] * 16
+            image.pixels = [0.5, 0.5, 1.0 if kind in ("color", "normal") else 0.5, 1.0] * 16
             image.filepath_raw = os.path.join(folder, f"{name}_{kind}.png")
             image.file_format = "PNG"
             image.save()
-            if kind == "normal":
+            if kind != "color":
                 image.colorspace_settings.name = "Non-Color"
             texture = nodes.new("ShaderNodeTexImage")
             texture.image = image
             if kind == "color":
                 links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+            elif kind != "normal":
+                links.new(texture.outputs["Color"], shader.inputs[kind])
             else:
                 bump = nodes.new("ShaderNodeNormalMap")
                 links.new(texture.outputs["Color"], bump.inputs["Color"])
@@ -126,7 +130,7 @@ def weigh(made, rig, places, scale, most):
     made.parent = rig
 
 
-def animate(bpy, rig):
+def animate(bpy, rig, prefix=""):
     scene = bpy.context.scene
     scene.render.fps, scene.render.fps_base = FRAMES_PER_SECOND, 1.0
     scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
@@ -141,18 +145,22 @@ def animate(bpy, rig):
     for frame in range(FRAMES[0], FRAMES[-1] + 1):
         share = (frame - FRAMES[0]) / (FRAMES[-1] - FRAMES[0])
         for name, turn in turns.items():
-            bone = rig.pose.bones[name]
+            bone = rig.pose.bones[prefix + name]
             bone.rotation_mode = "XYZ"
             bone.rotation_euler = [share * angle for angle in turn]
             bone.keyframe_insert("rotation_euler", frame=frame)
-        hips = rig.pose.bones["hips"]
+        hips = rig.pose.bones[prefix + "hips"]
         hips.location = (0.1 * share, 0.2 * share, 0)
         hips.keyframe_insert("location", frame=frame)
 
 
-def scene(bpy, folder, scale, hats):
-    """A body, a coat with two materials and shape keys, and, if asked, a hat on a bone and its mirror image."""
+def scene(bpy, folder, scale=1.0, hats=True, most=6, colors=False, twin=False, turned=False):
+    """A body, a coat with two materials and shape keys, whose vertices follow up to `most` bones, and, if asked, a hat on
+    a bone and its mirror image, colours of vertices, a second armature with a body of its own, and a first one that is
+    turned and scaled to a hundredth as an object. Returns the armatures."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    if turned:
+        scale *= 100
     rig, places = skeleton(bpy, scale)
     body = tube("body", (0, 0, -0.2 * scale), (0, 0, 2.6 * scale), 0.3 * scale, 14, 9, True)
     body.data.materials.append(material(bpy, "skin", (0.8, 0.5, 0.4, 1), folder, maps=True))
@@ -169,7 +177,7 @@ def scene(bpy, folder, scale, hats):
             if index % 3 == 0:
                 point.co[axis] += 0.1 * scale * (1 + index % 5)
         key.value = value
-    weigh(coat, rig, places, scale, 6)
+    weigh(coat, rig, places, scale, most)
     for name, mirror in (("hat", 1), ("mirrored hat", -1)) if hats else ():
         hat = tube(name, (0, 0, 0), (0.1 * scale, 0, 0.4 * scale), 0.2 * scale, 3, 7, True)
         hat.data.materials.append(bpy.data.materials["skin"])
@@ -177,8 +185,27 @@ def scene(bpy, folder, scale, hats):
         hat.location = (0.3 * scale * mirror, 0.1 * scale, 0)
         hat.rotation_euler = (0.3, 0.2, 0.1)
         hat.scale = (mirror, 1.2, 0.9)
+    if colors:
+        layer = body.data.color_attributes.new("painted", "FLOAT_COLOR", "POINT")
+        for vertex, color in zip(body.data.vertices, layer.data):
+            color.color = (0.5 + 0.5 * math.sin(9 * vertex.co.z), 0.25, 0.75, 1.0)
     animate(bpy, rig)
-    return rig
+    rigs = [rig]
+    if twin:
+        other, places = skeleton(bpy, 0.5 * scale)
+        other.name = other.data.name = "twin"
+        for bone in other.data.bones:
+            bone.name = f"twin {bone.name}"
+        places = {f"twin {name}": place for name, place in places.items()}
+        legs = tube("twin body", (0, 0, 0), (0, 0, 1.3 * scale), 0.2 * scale, 9, 7, True)
+        legs.data.materials.append(bpy.data.materials["skin"])
+        weigh(legs, other, places, 0.5 * scale, 4)
+        other.location, other.rotation_euler = (2.5 * scale, 0.3, 0), (0.2, 0, 0.5)
+        animate(bpy, other, "twin ")
+        rigs.append(other)
+    if turned:
+        rig.scale, rig.rotation_euler, rig.location = (0.01, 0.01, 0.01), (math.pi / 2, 0, 0.3), (0.5, 0.2, 0.1)
+    return rigs
 
 
 def evaluated(bpy, made, metres):
@@ -189,12 +216,14 @@ def evaluated(bpy, made, metres):
     return points
 
 
-def describe(bpy, rig, path, metres):
+def describe(bpy, rigs, path, metres):
     meshes = [o for o in bpy.data.objects if o.type == "MESH"]
-    rig.data.pose_position = "REST"
+    for rig in rigs:
+        rig.data.pose_position = "REST"
     bpy.context.view_layer.update()
     told = [{"rest": evaluated(bpy, made, metres), "posed": {}} for made in meshes]
-    rig.data.pose_position = "POSE"
+    for rig in rigs:
+        rig.data.pose_position = "POSE"
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)
         bpy.context.view_layer.update()
@@ -204,7 +233,7 @@ def describe(bpy, rig, path, metres):
     keys = [key.name for made in meshes if made.data.shape_keys for key in made.data.shape_keys.key_blocks[1:]]
     expected = {
         "frames_per_second": FRAMES_PER_SECOND,
-        "bones": [bone.name for bone in rig.data.bones],
+        "bones": [bone.name for rig in rigs for bone in rig.data.bones],
         "targets": keys,
         "materials": sorted({slot.material.name for made in meshes for slot in made.material_slots}),
         "meshes": told,
@@ -213,8 +242,19 @@ def describe(bpy, rig, path, metres):
         json.dump(expected, file)
 
 
+def pack(folder, node_modules):
+    """Rewrites a file with quantised numbers, and once more compressed. Of a vertex's bones gltfpack keeps four."""
+    tool = os.path.join(node_modules, "gltfpack", "cli.js")
+    exact = ["-kn", "-km", "-ke", "-vp", "16", "-af", str(FRAMES_PER_SECOND), "-ar", "16", "-at", "24"]
+    for name, options in (("quantised.glb", []), ("meshopt.glb", ["-c"])):
+        files = ["-i", os.path.join(folder, "four.glb"), "-o", os.path.join(folder, name)]
+        subprocess.run(["node", tool, *files, *exact, *options], check=True)
+        shutil.copy(os.path.join(folder, "four.glb.json"), os.path.join(folder, name + ".json"))
+        print(f"wrote {name}")
+
+
 def main():
-    if len(sys.argv) != 2:
+    if len(sys.argv) not in (2, 3):
         print(__doc__, file=sys.stderr)
         return 2
     try:
@@ -226,29 +266,47 @@ def main():
     gltf = {"export_format": "GLB", "export_all_influences": True, "export_morph": True}
     packed = {"export_draco_mesh_compression_enable": True, "export_draco_position_quantization": 20}
     fbx = {"add_leaf_bones": False, "bake_anim_simplify_factor": 0.0, "path_mode": "COPY", "embed_textures": True}
+    y_down = {"axis_up": "Z", "axis_forward": "Y"}
+    axes = {"add_leaf_bones": True, "primary_bone_axis": "X", "secondary_bone_axis": "-Y"}
+    # Each action would be a clip of its own, on one of the armatures.
+    together = {"bake_anim_use_all_actions": False, "bake_anim_use_nla_strips": False}
+    colored = {"export_vertex_color": "ACTIVE", "export_all_vertex_colors": False}
+    # File, what is in it, metres to a unit, and how it is exported.
     files = [
-        ("whole.glb", 1.0, 1.0, gltf),
-        ("large.glb", 100.0, 1.0, gltf),
-        ("packed.glb", 1.0, 1.0, {**gltf, **packed}),
-        ("beside.gltf", 1.0, 1.0, {**gltf, "export_format": "GLTF_SEPARATE"}),
-        ("metres.fbx", 1.0, 1.0, fbx),
-        ("z_up.fbx", 1.0, 1.0, {**fbx, "axis_up": "Z", "axis_forward": "Y"}),
-        ("centimetres.fbx", 100.0, 0.01, fbx),
-        ("units.fbx", 1.0, 1.0, {**fbx, "apply_scale_options": "FBX_SCALE_UNITS"}),
-        ("all_scaled.fbx", 1.0, 1.0, {**fbx, "apply_scale_options": "FBX_SCALE_ALL", "embed_textures": False}),
-        ("leaves.fbx", 1.0, 1.0, {**fbx, "add_leaf_bones": True, "primary_bone_axis": "X", "secondary_bone_axis": "-Y"}),
-    ]
-    for name, scale, metres, options in files:
+        ("whole.glb", {}, 1.0, gltf),
+        ("large.glb", {"scale": 100.0}, 1.0, gltf),
+        ("packed.glb", {}, 1.0, {**gltf, **packed}),
+        ("beside.gltf", {}, 1.0, {**gltf, "export_format": "GLTF_SEPARATE"}),
+        ("colors.glb", {"colors": True}, 1.0, {**gltf, **colored}),
+        ("two_rigs.glb", {"twin": True}, 1.0, {**gltf, "export_animation_mode": "ACTIVE_ACTIONS"}),
+        ("turned.glb", {"turned": True, "hats": False}, 1.0, gltf),
+        ("posed.glb", {}, 1.0, {**gltf, "export_rest_position_armature": False}),
+        ("four.glb", {"most": 4}, 1.0, gltf),
+        ("metres.fbx", {}, 1.0, fbx),
+        ("z_up.fbx", {}, 1.0, {**fbx, **y_down}),
+        ("centimetres.fbx", {"scale": 100.0}, 0.01, fbx),
+        ("units.fbx", {}, 1.0, {**fbx, "apply_scale_options": "FBX_SCALE_UNITS"}),
+        ("all_scaled.fbx", {}, 1.0, {**fbx, "apply_scale_options": "FBX_SCALE_ALL", "embed_textures": False}),
         # Blender's exporter puts what hangs on a bone elsewhere if it turns the bones' axes.
-        rig = scene(bpy, folder, scale, "primary_bone_axis" not in options)
+        ("leaves.fbx", {"hats": False}, 1.0, {**fbx, **axes}),
+        ("colors.fbx", {"colors": True}, 1.0, fbx),
+        ("two_rigs.fbx", {"twin": True}, 1.0, {**fbx, **together}),
+        ("turned.fbx", {"turned": True, "hats": False}, 1.0, fbx),
+    ]
+    for name, contents, metres, options in files:
+        rigs = scene(bpy, folder, **contents)
         bpy.context.scene.unit_settings.scale_length = metres
         path = os.path.join(folder, name)
-        describe(bpy, rig, path, metres)
+        describe(bpy, rigs, path, metres)
+        if name == "posed.glb":
+            bpy.context.scene.frame_set(FRAMES[1])
         if name.endswith(".fbx"):
             bpy.ops.export_scene.fbx(filepath=path, **options)
         else:
             bpy.ops.export_scene.gltf(filepath=path, **options)
         print(f"wrote {name}")
+    if len(sys.argv) > 2:
+        pack(folder, sys.argv[2])
     return 0
 
 

@@ -1,9 +1,11 @@
 //! Files read in memory.
 
 use std::any::Any;
+use std::ops::ControlFlow;
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
+use armature_character::bind::{BindSettings, bind};
 use armature_formats::fbx::read_fbx_skeleton;
 use armature_formats::gltf::read_gltf_skeleton;
 use armature_formats::motion::{read_bvh, write_bvh};
@@ -41,7 +43,7 @@ pub(crate) fn read(name: &str, bytes: &[u8], companions: &Companions) -> Result<
         extension => {
             let resolver = |name: &str| companions.get(name).cloned().ok_or_else(|| format!("there is no {name}"));
             let bones = match extension {
-                "glb" | "gltf" => Some(read_gltf_skeleton(name, bytes, &resolver)),
+                "glb" | "gltf" | "vrm" => Some(read_gltf_skeleton(name, bytes, &resolver)),
                 "fbx" => Some(read_fbx_skeleton(name, bytes)),
                 _ => None,
             };
@@ -54,6 +56,13 @@ pub(crate) fn read(name: &str, bytes: &[u8], companions: &Companions) -> Result<
             assert_eq!(model.mesh.validate(), Ok(()));
             assert_eq!(model.drawn_triangles().len(), model.mesh.triangles.len());
             let _ = model.split_at_seams();
+            if model.rig.is_some() {
+                // Limits, and weights for what has none.
+                let settings = BindSettings { bind_unbound: true, limit_painted: Some(2), ..BindSettings::default() };
+                bind(model, None, &settings, &mut |_, _| ControlFlow::Continue(()))
+                    .map(drop)
+                    .map_err(|error| error.to_string())?;
+            }
             Ok(())
         }
     }

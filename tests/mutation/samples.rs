@@ -6,6 +6,7 @@ use armature_formats::gltf::{GlbClip, GlbMesh, GlbScene, write_glb};
 use armature_formats::tables::{NumberTable, write_dmat, write_npy};
 use armature_geometry::Influences;
 use armature_rig::{Bone, Motion, Skeleton, Transform};
+use serde_json::json;
 
 use crate::common::{Place, SMALL_BVH, TUBE_TGF, tube_obj};
 
@@ -136,6 +137,8 @@ pub(crate) fn all(place: &Place) -> (Vec<Sample>, Companions) {
         ("blender.fbx", include_bytes!("../../host/crates/formats/tests/fbx/blender.fbx").to_vec()),
         ("draco.glb", include_bytes!("../../host/crates/formats/tests/compressed/draco.glb").to_vec()),
         ("meshopt.glb", include_bytes!("../../host/crates/formats/tests/compressed/meshopt.glb").to_vec()),
+        ("good.vrm", avatar(&json, false)),
+        ("old.vrm", avatar(&json, true)),
         ("good.gltf", serde_json::to_vec(&json).unwrap()),
         ("good.glb", glb),
     ]);
@@ -207,6 +210,45 @@ fn binary_off() -> Vec<u8> {
     bytes.extend(positions.iter().flat_map(|v| v.to_be_bytes()));
     bytes.extend([3_u32, 0, 1, 2, 0, 3, 0, 1, 3, 0].iter().flat_map(|v| v.to_be_bytes()));
     bytes
+}
+
+/// The character as an avatar, in text, and with a second mesh that follows no bone.
+fn avatar(json: &serde_json::Value, old: bool) -> Vec<u8> {
+    let mut avatar = json.clone();
+    let nodes = avatar["nodes"].as_array_mut().unwrap();
+    let of_mesh = nodes.iter().find(|node| node.get("mesh").is_some()).unwrap()["mesh"].clone();
+    nodes.push(json!({ "name": "loose", "mesh": of_mesh }));
+    let loose = nodes.len() - 1;
+    avatar["scenes"][0]["nodes"].as_array_mut().unwrap().push(loose.into());
+    let joint = avatar["skins"][0]["joints"][0].clone();
+    let [bind, collider] = [json!({ "node": loose, "index": 0, "weight": 1 }), json!({ "colliders": [0] })];
+    let extensions = if old {
+        json!({ "VRM": {
+            "humanoid": { "humanBones": [{ "bone": "hips", "node": joint }] },
+            "blendShapeMaster": { "blendShapeGroups": [
+                { "name": "Joy", "presetName": "joy", "binds": [{ "mesh": of_mesh, "index": 0, "weight": 75 }] }] },
+            "secondaryAnimation": {
+                "boneGroups": [{ "stiffiness": 2, "gravityDir": { "x": 0, "y": 0, "z": 1 }, "bones": [joint],
+                    "colliderGroups": [0] }],
+                "colliderGroups": [{ "node": joint, "colliders": [{ "offset": { "x": 0, "y": 1, "z": 0 }, "radius": 1 }] }]
+            }
+        } })
+    } else {
+        json!({
+            "VRMC_vrm": {
+                "specVersion": "1.0",
+                "humanoid": { "humanBones": { "hips": { "node": joint } } },
+                "expressions": { "preset": { "happy": { "morphTargetBinds": [bind] } } }
+            },
+            "VRMC_springBone": {
+                "colliders": [{ "node": joint, "shape": { "sphere": { "offset": [0, 1, 0], "radius": 1 } } }],
+                "colliderGroups": [collider],
+                "springs": [{ "joints": [{ "node": joint }, { "node": joint }], "colliderGroups": [0] }]
+            }
+        })
+    };
+    avatar["extensions"] = extensions;
+    serde_json::to_vec(&avatar).unwrap()
 }
 
 /// A small rigged, animated, textured character.

@@ -316,3 +316,37 @@ fn a_simulated_puppet_that_does_not_exist_is_one_error() {
         assert_eq!(ran.err.matches("error").count(), 1, "{ran:?}");
     }
 }
+
+/// An image that lies elsewhere on the machine is named and not opened, although it is there.
+#[test]
+fn images_outside_the_folder_are_never_followed() {
+    let place = Place::new("images-outside");
+    let secret = place.write("secret.png", b"not to be read");
+    std::fs::create_dir(place.path("inner")).unwrap();
+    let triangle = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+    for name in
+        ["../secret.png", secret.to_str().unwrap(), "a/../../secret.png", "..%2fsecret.png", "%2e%2e/secret.png"]
+    {
+        let gltf = serde_json::json!({
+            "asset": { "version": "2.0" },
+            "buffers": [{ "byteLength": 36, "uri": format!("data:application/octet-stream;base64,{triangle}") }],
+            "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+            "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }],
+            "images": [{ "uri": name }],
+            "textures": [{ "source": 0 }],
+            "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
+            "nodes": [{ "mesh": 0 }],
+            "scenes": [{ "nodes": [0] }],
+        });
+        place.write("inner/model.gltf", gltf.to_string());
+        let ran = place.done(&["inspect", "inner/model.gltf"]);
+        let said = format!("{}{}", ran.out, ran.err);
+        // Neither read, which would say that it is no picture, nor silently left out.
+        assert!(said.contains("secret.png") && !said.contains("neither PNG nor JPEG"), "{name}: {said}");
+    }
+    place.write("inner/model.obj", "mtllib m.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    place.write("inner/m.mtl", "newmtl a\nmap_Kd ../secret.png\n");
+    let ran = place.done(&["inspect", "inner/model.obj"]);
+    assert!(format!("{}{}", ran.out, ran.err).contains("outside the model's folder"), "{ran:?}");
+}

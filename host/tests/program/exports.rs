@@ -37,7 +37,7 @@ fn assert_runs(command: &mut Command) {
 }
 
 /// The package's own folder, the `node_modules` around it, or the folder around that.
-fn node_modules(given: &Path) -> PathBuf {
+pub(crate) fn node_modules(given: &Path) -> PathBuf {
     let around = given.ancestors().find(|folder| folder.ends_with("node_modules"));
     around.map_or_else(|| given.join("node_modules"), Path::to_path_buf)
 }
@@ -54,7 +54,7 @@ fn import_in_blender(file: &Path, expected: &Path) {
 }
 
 /// What the take moves, at the rate of the export, by the library.
-fn motion_of(take: &Take, frames_per_second: f64, low_pass: bool) -> Motion {
+pub(crate) fn motion_of(take: &Take, frames_per_second: f64, low_pass: bool) -> Motion {
     let resample = ResampleSettings { frames_per_second, low_pass, ..ResampleSettings::default() };
     let settings = ExportSettings { resample, ..ExportSettings::default() };
     take_motion(take, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap().resampled.motion

@@ -10,6 +10,7 @@ mod command_line;
 mod common;
 mod descriptors;
 mod documented;
+mod exporters;
 mod exports;
 mod functions_command;
 mod guide;
