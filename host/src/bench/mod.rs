@@ -9,6 +9,7 @@ use crate::engine::latency::percentile;
 use crate::failure::Failure;
 use crate::terminal::{aside, out};
 
+mod avatar;
 mod bind;
 mod deform;
 mod device;
@@ -124,6 +125,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: weights::NAMES, run: weights::run },
     Benchmark { names: monotone::NAMES, run: monotone::run },
     Benchmark { names: bind::NAMES, run: bind::run },
+    Benchmark { names: avatar::NAMES, run: avatar::run },
     Benchmark { names: weight_convergence::NAMES, run: weight_convergence::run },
     Benchmark { names: weight_growth::NAMES, run: weight_growth::run },
     Benchmark { names: weight_partition::NAMES, run: weight_partition::run },
