@@ -47,6 +47,7 @@ mod error;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod material;
+mod mip_levels;
 mod picture;
 mod scene;
 mod srgb;

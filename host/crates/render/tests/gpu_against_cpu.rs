@@ -295,6 +295,29 @@ fn maps_wrap_alike() {
     }
 }
 
+/// An image with many more texels than the picture has pixels.
+#[test]
+fn fine_maps_are_averaged_alike() {
+    let (shape, _) = shapes::figure();
+    let (ground, camera) = standing(&shape);
+    let uv: Vec<[f32; 2]> = shape.uv.iter().map(|[u, v]| [2.0 * u, 2.0 * v]).collect();
+    let side = 1024;
+    let squares = (0..side).flat_map(|y| (0..side).map(move |x| (x + y) % 2 == 0));
+    let rgba = squares.flat_map(|white| if white { [255, 255, 255, 255] } else { [0, 0, 0, 255] }).collect();
+    let picture = Arc::new(Picture { width: side, height: side, rgba });
+    let drawn = |base_color_map: Option<Map>, base_color| {
+        let materials = [Material { base_color, base_color_map, unlit: true, ..Material::default() }];
+        let mesh = MeshView { uv: Some(&uv), materials: &materials, ..mesh_of(&shape) };
+        let scene = Scene { mesh, ground, ..Scene::default() };
+        compare("fine map", &scene, &camera);
+        render_to_image_cpu(&scene, &camera, SIZE, Samples::One).expect("a picture")
+    };
+    let fine = drawn(Some(Map::repeating(picture)), Some([1.0; 4]));
+    let even = drawn(None, Some([0.5, 0.5, 0.5, 1.0]));
+    let apart = difference(&fine, &even);
+    assert!(apart.mean < 0.5, "the squares are seen, not their mean: {apart:?}");
+}
+
 #[test]
 fn an_eye_inside_the_figure() {
     let (shape, _) = shapes::figure();

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles as _};
 
-use super::sampling::{MapSampler, mix, saturate, smoothstep};
+use super::sampling::{MapSampler, Place, mix, saturate, smoothstep};
 use crate::MeshView;
 use crate::material::{MAPS, MaterialUniforms};
 use crate::uniforms::Uniforms;
@@ -11,7 +11,7 @@ use crate::uniforms::Uniforms;
 pub(crate) struct Surface {
     world: Vec3,
     normal: Vec3,
-    uv: Vec2,
+    place: Place,
     color: Vec4,
     highlight: f32,
     /// Two edges of the triangle, and how texture coordinates change along them.
@@ -19,14 +19,16 @@ pub(crate) struct Surface {
     front: bool,
 }
 
-/// A point of a triangle, by the weights of its corners.
-pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, front: bool, weights: Vec3) -> Surface {
+/// A point of a triangle, by the weights of its corners: of the pixel's centre, and of the pixels of its quad (four that
+/// start at even numbers) from which a graphics chip takes differences across and down.
+pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, front: bool, [weights, quad @ ..]: [Vec3; 4]) -> Surface {
     let corners = mesh.triangles[triangle as usize].map(|c| c as usize);
     let blend = |of: &dyn Fn(usize) -> Vec3| {
         of(corners[0]) * weights.x + of(corners[1]) * weights.y + of(corners[2]) * weights.z
     };
     let [a, b, c] = corners.map(|c| Vec3::from(mesh.positions[c]));
     let [uv_a, uv_b, uv_c] = corners.map(|c| mesh.uv.map_or(Vec2::ZERO, |uv| Vec2::from(uv[c])));
+    let uv = |weights: Vec3| uv_a * weights.x + uv_b * weights.y + uv_c * weights.z;
     let color = mesh.colors.map_or(Vec4::ONE, |all| {
         let [a, b, c] = corners.map(|c| Vec4::from(all[c]));
         a * weights.x + b * weights.y + c * weights.z
@@ -34,7 +36,7 @@ pub(crate) fn interpolate(mesh: &MeshView, triangle: u32, front: bool, weights: 
     Surface {
         world: blend(&|c| Vec3::from(mesh.positions[c])),
         normal: blend(&|c| Vec3::from(mesh.normals[c])),
-        uv: uv_a * weights.x + uv_b * weights.y + uv_c * weights.z,
+        place: Place { uv: uv(weights), steps: [uv(quad[1]) - uv(quad[0]), uv(quad[2]) - uv(quad[0])] },
         color,
         highlight: mesh.highlight.map_or(0.0, |h| blend(&|c| Vec3::splat(h[c])).x),
         edges: [(b - a, uv_b - uv_a), (c - a, uv_c - uv_a)],
@@ -55,7 +57,7 @@ impl Paint<'_> {
     /// Whether there is anything to see of the surface: its opacity is enough, and the material shows this side.
     pub(crate) fn shows(&self, surface: &Surface) -> bool {
         let Self { material, maps } = self;
-        let opacity = material.base_color.w * surface.color.w * maps[0].sample(surface.uv).w;
+        let opacity = material.base_color.w * surface.color.w * maps[0].sample(surface.place).w;
         (opacity >= material.surface.w || opacity.is_nan()) && (material.flags.z <= 0.5 || surface.front)
     }
 
@@ -68,10 +70,10 @@ impl Paint<'_> {
 /// Linear light from the surface towards the eye, and its opacity.
 pub(crate) fn fragment(u: &Uniforms, paint: &Paint, surface: &Surface) -> Vec4 {
     let Paint { material, maps } = paint;
-    let base = material.base_color * surface.color * maps[0].sample(surface.uv);
+    let base = material.base_color * surface.color * maps[0].sample(surface.place);
     let opacity = if material.flags.w > 0.5 { base.w } else { 1.0 };
     let tinted = mix(base.xyz(), u.highlight.xyz(), saturate(surface.highlight) * 0.75);
-    let emitted = material.emissive.xyz() * maps[3].sample(surface.uv).xyz();
+    let emitted = material.emissive.xyz() * maps[3].sample(surface.place).xyz();
     if material.flags.x > 0.5 {
         return (tinted + emitted).extend(opacity);
     }
@@ -87,7 +89,7 @@ pub(crate) fn fragment(u: &Uniforms, paint: &Paint, surface: &Surface) -> Vec4 {
         let tangent = unit(across - smooth_normal * smooth_normal.dot(across));
         let bitangent = unit(up - smooth_normal * smooth_normal.dot(up));
         let scale = Vec3::new(material.surface.z, material.surface.z, 1.0);
-        let tilt = (maps[2].sample(surface.uv).xyz() * 2.0 - 1.0) * scale;
+        let tilt = (maps[2].sample(surface.place).xyz() * 2.0 - 1.0) * scale;
         shading = unit(tangent * tilt.x + bitangent * tilt.y + smooth_normal * tilt.z);
     }
     let to_eye = unit(u.eye.xyz() - surface.world);
@@ -96,7 +98,7 @@ pub(crate) fn fragment(u: &Uniforms, paint: &Paint, surface: &Surface) -> Vec4 {
     let normal = if smooth_normal.dot(seen_side) >= 0.0 { shading } else { -shading };
     let facing = saturate(normal.dot(to_eye));
 
-    let surface_texel = maps[1].sample(surface.uv);
+    let surface_texel = maps[1].sample(surface.place);
     let metallic = saturate(material.surface.x * surface_texel.z);
     let roughness = (material.surface.y * surface_texel.y).clamp(0.05, 1.0);
     let alpha = roughness * roughness;

@@ -35,11 +35,17 @@ pub fn render_to_image_cpu(
 
     let bytes = sampling::Bytes::new();
     let has_maps = scene.mesh.uv.is_some();
+    let mut levels = sampling::Levels::default();
+    for (map, is_srgb) in
+        scene.mesh.drawn_materials().iter().flat_map(|material| material.maps().into_iter().zip(MAP_IS_SRGB))
+    {
+        map.filter(|_| has_maps).into_iter().for_each(|map| levels.make(map, is_srgb));
+    }
     let materials = scene.mesh.drawn_materials().iter().zip(scene.mesh.material_uniforms(&scene.look));
     let paints: Vec<mesh::Paint> = materials
         .map(|(material, uniforms)| {
             let maps = material.maps().map(|map| map.filter(|_| has_maps));
-            let maps = std::array::from_fn(|map| bytes.sampler(maps[map], MAP_IS_SRGB[map]));
+            let maps = std::array::from_fn(|map| bytes.sampler(maps[map], &levels, MAP_IS_SRGB[map]));
             mesh::Paint { material: uniforms, maps }
         })
         .collect();

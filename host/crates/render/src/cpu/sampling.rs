@@ -1,10 +1,13 @@
 //! What a graphics chip provides to shaders: textures and the functions of WGSL.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::contact_shadow::{ContactShadow, SHADOW_SIDE};
+use crate::mip_levels::mip_levels;
 use crate::srgb::linear_from_srgb;
-use crate::{Map, Wrap};
+use crate::{Map, Picture, Wrap};
 
 pub(crate) fn saturate(value: f32) -> f32 {
     value.clamp(0.0, 1.0)
@@ -43,21 +46,71 @@ impl Bytes {
     }
 
     /// `is_srgb`: whether its colours are; opacity is always linear.
-    pub(crate) fn sampler<'a>(&'a self, map: Option<&'a Map>, is_srgb: bool) -> MapSampler<'a> {
-        MapSampler { map, color: if is_srgb { &self.srgb } else { &self.linear }, opacity: &self.linear }
+    pub(crate) fn sampler<'a>(&'a self, map: Option<&'a Map>, levels: &'a Levels, is_srgb: bool) -> MapSampler<'a> {
+        let color = if is_srgb { &self.srgb } else { &self.linear };
+        let smaller = map.map_or(&[][..], |map| levels.of(map, is_srgb));
+        MapSampler { map, smaller, color, opacity: &self.linear }
     }
 }
 
-/// A map: bilinear, filtered in linear light. White without an image.
+/// The mip levels of images, each made once even if several materials share it.
+#[derive(Default)]
+pub(crate) struct Levels {
+    /// By address, and whether it is stored as sRGB.
+    made: Vec<(*const Picture, bool, Vec<Picture>)>,
+}
+
+impl Levels {
+    pub(crate) fn make(&mut self, map: &Map, is_srgb: bool) {
+        let key = Arc::as_ptr(&map.picture);
+        if !self.made.iter().any(|(known, srgb, _)| (*known, *srgb) == (key, is_srgb)) {
+            self.made.push((key, is_srgb, mip_levels(&map.picture, is_srgb)));
+        }
+    }
+
+    fn of(&self, map: &Map, is_srgb: bool) -> &[Picture] {
+        let key = (Arc::as_ptr(&map.picture), is_srgb);
+        self.made.iter().find(|(known, srgb, _)| (*known, *srgb) == key).map_or(&[], |(_, _, levels)| levels.as_slice())
+    }
+}
+
+/// A place on a map, and how far it moves from a pixel to the next, across and down.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Place {
+    pub(crate) uv: Vec2,
+    pub(crate) steps: [Vec2; 2],
+}
+
+/// A map: trilinear, filtered in linear light. White without an image.
 pub(crate) struct MapSampler<'a> {
     map: Option<&'a Map>,
+    /// Its mip levels after the first.
+    smaller: &'a [Picture],
     color: &'a [f32; 256],
     opacity: &'a [f32; 256],
 }
 
 impl MapSampler<'_> {
-    pub(crate) fn sample(&self, uv: Vec2) -> Vec4 {
+    pub(crate) fn sample(&self, place: Place) -> Vec4 {
         let Some(Map { picture, wrap }) = self.map else { return Vec4::ONE };
+        let size = Vec2::new(picture.width as f32, picture.height as f32);
+        let texels = place.steps.map(|step| (step * size).length_squared());
+        // Texels to a pixel, as a power of two.
+        let level = 0.5 * texels[0].max(texels[1]).log2();
+        if level.is_nan() || level <= 0.0 || self.smaller.is_empty() {
+            return self.bilinear(picture, *wrap, place.uv);
+        }
+        let level = level.min(self.smaller.len() as f32);
+        let (finer, share) = (level.floor() as usize, level.fract());
+        let of = |level: usize| level.checked_sub(1).map_or(&**picture, |smaller| &self.smaller[smaller]);
+        let fine = self.bilinear(of(finer), *wrap, place.uv);
+        if share == 0.0 {
+            return fine;
+        }
+        fine * (1.0 - share) + self.bilinear(of(finer + 1), *wrap, place.uv) * share
+    }
+
+    fn bilinear(&self, picture: &Picture, wrap: [Wrap; 2], uv: Vec2) -> Vec4 {
         let (width, height) = (i64::from(picture.width), i64::from(picture.height));
         let (low, share) = split(uv * Vec2::new(width as f32, height as f32) - 0.5);
         let at = |dx: i64, dy: i64| {
@@ -93,10 +146,7 @@ fn split(place: Vec2) -> ([i64; 2], Vec2) {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-    use crate::Picture;
 
     #[test]
     fn maps_wrap_and_survive_nonsense() {
@@ -105,12 +155,27 @@ mod tests {
         let bytes = Bytes::new();
         for (wrap, beyond) in [(Wrap::Repeat, green), (Wrap::Mirror, red), (Wrap::Clamp, red)] {
             let map = Map { picture: picture.clone(), wrap: [wrap, Wrap::Repeat] };
-            let sampler = bytes.sampler(Some(&map), true);
-            assert_eq!(sampler.sample(Vec2::new(0.25, 0.5)), red);
-            assert_eq!(sampler.sample(Vec2::new(-0.25, 7.5)), beyond, "{wrap:?}");
-            assert_eq!(sampler.sample(Vec2::new(0.5, 0.5)), 0.5 * (red + green));
-            let _ = sampler.sample(Vec2::new(f32::NAN, f32::INFINITY));
+            let mut levels = Levels::default();
+            levels.make(&map, true);
+            let sampler = bytes.sampler(Some(&map), &levels, true);
+            let at = |u: f32, v: f32| sampler.sample(Place { uv: Vec2::new(u, v), ..Place::default() });
+            assert_eq!(at(0.25, 0.5), red);
+            assert_eq!(at(-0.25, 7.5), beyond, "{wrap:?}");
+            assert_eq!(at(0.5, 0.5), 0.5 * (red + green));
+            let _ = at(f32::NAN, f32::INFINITY);
+            // From a texel to a pixel on, a mean takes over.
+            let wide = |step: f32| {
+                let steps = [Vec2::new(0.0, 0.0), Vec2::new(step, 0.0)];
+                sampler.sample(Place { uv: Vec2::new(0.25, 0.5), steps })
+            };
+            assert_eq!(wide(0.5), red);
+            let half = 0.5 * (red + green);
+            assert!((wide(1.0) - half).abs().max_element() < 3e-3 && wide(64.0) == wide(1.0), "{:?}", wide(1.0));
+            let between = wide(std::f32::consts::FRAC_1_SQRT_2);
+            assert!((between - 0.5 * (red + half)).abs().max_element() < 3e-3, "{between:?}");
+            let _ = wide(f32::NAN);
+            let _ = wide(f32::INFINITY);
         }
-        assert_eq!(bytes.sampler(None, true).sample(Vec2::ZERO), Vec4::ONE);
+        assert_eq!(bytes.sampler(None, &Levels::default(), true).sample(Place::default()), Vec4::ONE);
     }
 }

@@ -169,7 +169,10 @@ impl Frame<'_> {
 
     /// What is seen of a triangle at a pixel's centre, as with multisampling.
     fn surface(&self, triangle: &ScreenTriangle, [x, y]: [f32; 2]) -> mesh::Surface {
-        let weights = triangle.source_weights(triangle.coordinates(f64::from(x), f64::from(y)));
+        let even = |at: f32| 2.0 * (0.5 * at).floor() + 0.5;
+        let (left, top) = (even(x), even(y));
+        let weights = [[x, y], [left, top], [left + 1.0, top], [left, top + 1.0]]
+            .map(|[x, y]| triangle.source_weights(triangle.coordinates(f64::from(x), f64::from(y))));
         mesh::interpolate(&self.mesh, triangle.source, triangle.front, weights)
     }
 

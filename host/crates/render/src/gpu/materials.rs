@@ -9,6 +9,7 @@ use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use super::buffers::GrowingBuffer;
 use super::pipelines::Pipelines;
 use crate::material::{MAP_IS_SRGB, MAPS, MaterialUniforms};
+use crate::mip_levels::mip_levels;
 use crate::scene::NO_MATERIAL;
 use crate::{Camera, Look, Map, Material, MeshView, Picture, Wrap};
 
@@ -170,8 +171,8 @@ impl Sent<'_> {
         let key = map.map(|map| Arc::as_ptr(&map.picture));
         if !self.views.iter().any(|(known, srgb, _)| (*known, *srgb) == (key, is_srgb)) {
             let texture = match map {
-                Some(map) => self.texture([map.picture.width, map.picture.height], &map.picture.rgba, is_srgb),
-                None => self.texture([1; 2], &[255; 4], is_srgb),
+                Some(map) => self.texture(&map.picture, is_srgb),
+                None => self.texture(&Picture { width: 1, height: 1, rgba: vec![255; 4] }, is_srgb),
             };
             self.views.push((key, is_srgb, texture.create_view(&wgpu::TextureViewDescriptor::default())));
         }
@@ -187,23 +188,29 @@ impl Sent<'_> {
                 address_mode_v,
                 mag_filter: wgpu::FilterMode::Linear,
                 min_filter: wgpu::FilterMode::Linear,
+                mipmap_filter: wgpu::MipmapFilterMode::Linear,
                 ..wgpu::SamplerDescriptor::default()
             });
             self.samplers.push((wrap, sampler));
         }
     }
 
-    fn texture(&self, [width, height]: [u32; 2], rgba: &[u8], is_srgb: bool) -> wgpu::Texture {
+    /// An image with its mip levels.
+    fn texture(&self, picture: &Picture, is_srgb: bool) -> wgpu::Texture {
+        let smaller = mip_levels(picture, is_srgb);
+        let &Picture { width, height, .. } = picture;
+        let all = std::iter::once(picture).chain(&smaller);
+        let rgba: Vec<u8> = all.flat_map(|level| &level.rgba).copied().collect();
         let descriptor = wgpu::TextureDescriptor {
             label: Some("map"),
             size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
+            mip_level_count: 1 + smaller.len() as u32,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: if is_srgb { TextureFormat::Rgba8UnormSrgb } else { TextureFormat::Rgba8Unorm },
             usage: TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
         };
-        self.device.create_texture_with_data(self.queue, &descriptor, wgpu::util::TextureDataOrder::LayerMajor, rgba)
+        self.device.create_texture_with_data(self.queue, &descriptor, wgpu::util::TextureDataOrder::LayerMajor, &rgba)
     }
 }
