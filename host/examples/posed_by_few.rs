@@ -63,7 +63,15 @@ fn shared(name: &str) -> Option<Outcome<Character>> {
     }
     let bound = inputs::model(&mesh).and_then(|model| {
         let go_on = &mut |_: &'static str, _: f64| ControlFlow::Continue(());
-        characters::bind_cached(model, b"", &mesh, Some(&bones), &BindSettings::default(), true, go_on)
+        characters::bind_cached(
+            model,
+            b"",
+            &mesh,
+            Some(characters::Given::read(&bones)?),
+            &BindSettings::default(),
+            true,
+            go_on,
+        )
     });
     Some(found(bound).map(|bound| bound.character))
 }

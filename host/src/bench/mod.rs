@@ -20,6 +20,7 @@ mod monotone;
 mod peak_memory;
 mod pose;
 mod protocol;
+mod rig;
 mod stream;
 mod surface;
 mod surface_convergence;
@@ -122,6 +123,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: winding::NAMES, run: winding::run },
     Benchmark { names: volume::NAMES, run: volume::run },
     Benchmark { names: volume_growth::NAMES, run: volume_growth::run },
+    Benchmark { names: rig::NAMES, run: rig::run },
     Benchmark { names: weights::NAMES, run: weights::run },
     Benchmark { names: monotone::NAMES, run: monotone::run },
     Benchmark { names: bind::NAMES, run: bind::run },

@@ -67,7 +67,7 @@ pub(super) fn exponent(points: &[(f64, f64)]) -> f64 {
 }
 
 /// One step of Loop subdivision of a closed surface: four triangles for each one.
-fn loop_subdivision(mesh: &TriangleMesh) -> TriangleMesh {
+pub(super) fn loop_subdivision(mesh: &TriangleMesh) -> TriangleMesh {
     let count = mesh.vertices.len();
     let edges = edges(&mesh.triangles);
     let at = |v: u32| DVec3::from(mesh.vertices[v as usize]);

@@ -4,6 +4,7 @@ pub mod filled;
 pub mod ground;
 pub mod inverse_kinematics;
 mod loaded;
+pub mod rigging;
 pub mod shapes;
 pub mod volumes;
 
@@ -16,6 +17,7 @@ use armature_character::volume::MakeError;
 use armature_character::{Character, Progress};
 use armature_formats::model::{Material, Model};
 use armature_geometry::volume::VolumeError;
+use armature_rig::Skeleton;
 use armature_weights::biharmonic::BiharmonicError;
 use armature_weights::monotone::MonotoneError;
 
@@ -149,6 +151,22 @@ fn keep(path: Option<&Path>, character: &Character) {
     }
 }
 
+/// A skeleton to bind to.
+#[derive(Debug)]
+pub struct Given {
+    /// The bones.
+    pub skeleton: Skeleton,
+    /// What it was read from; equal bytes give equal bones.
+    pub bytes: Vec<u8>,
+}
+
+impl Given {
+    /// From a file.
+    pub fn read(path: &Path) -> Result<Self, Failure> {
+        Ok(Self { skeleton: inputs::skeleton(path)?, bytes: files::read(path)? })
+    }
+}
+
 /// A character and where it came from.
 #[derive(Debug)]
 pub struct Bound {
@@ -164,20 +182,20 @@ pub fn bind_cached(
     model: Model,
     added: &[u8],
     mesh: &Path,
-    skeleton: Option<&Path>,
+    skeleton: Option<Given>,
     settings: &BindSettings,
     use_cache: bool,
     progress: Progress,
 ) -> Result<Bound, Failure> {
     let mut mesh_bytes = files::read(mesh)?;
     mesh_bytes.extend_from_slice(added);
-    let skeleton_bytes = skeleton.map(files::read).transpose()?;
-    let key = cache_key_of(&model, &mesh_bytes, skeleton_bytes.as_deref().unwrap_or_default(), settings);
+    let skeleton_bytes = skeleton.as_ref().map_or(&[][..], |given| &given.bytes);
+    let key = cache_key_of(&model, &mesh_bytes, skeleton_bytes, settings);
     let cached = cache_folder().map(|folder| folder.join(format!("{key}.armature")));
     if let Some(character) = cached.as_deref().filter(|_| use_cache).and_then(read_cached) {
         return Ok(Bound { character, from_cache: true });
     }
-    let given = skeleton.map(inputs::skeleton).transpose()?;
+    let given = skeleton.map(|given| given.skeleton);
     let character =
         armature_character::bind::bind(model, given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
     keep(cached.as_deref(), &character);
@@ -201,7 +219,9 @@ fn bind_failure(mesh: &Path, error: &armature_character::bind::BindError) -> Fai
     use armature_character::bind::BindError;
     let what = format!("{}: {error}", mesh.display());
     match error {
-        BindError::NoSkeleton => Failure::input(what, format!("armature bind {} --skeleton BONES.tgf", mesh.display())),
+        BindError::NoSkeleton => {
+            Failure::input(what, format!("armature bind {0} --skeleton BONES.tgf, or --template human", mesh.display()))
+        }
         BindError::Cancelled { .. } => Failure::usage(what, ""),
         BindError::Biharmonic(error) => weights_failure(mesh, error),
         BindError::NoSuchPart { .. } | BindError::NothingToTransfer => {

@@ -6,6 +6,7 @@ pub mod function_args;
 pub mod names;
 mod numbers;
 pub mod puppet_args;
+pub mod rig_args;
 pub mod surface_args;
 pub mod take_args;
 pub mod weight_args;
@@ -18,6 +19,7 @@ use crate::cli::args::{
 use crate::cli::edit_args::EditArgs;
 use crate::cli::function_args::{InterpolateArgs, SmoothArgs};
 use crate::cli::puppet_args::PuppetCommand;
+use crate::cli::rig_args::RigArgs;
 use crate::cli::surface_args::SurfaceCommand;
 use crate::cli::take_args::{ExportArgs, ReplayArgs};
 use crate::cli::weight_args::{BindArgs, WeightsArgs};
@@ -77,6 +79,8 @@ pub enum Command {
     Puppet(PuppetCommand),
     /// Diagnose a mesh, skeleton, motion, character or take file
     Inspect(InspectArgs),
+    /// Fit a skeleton into a mesh that has none: a human, a quadruped, a hand, or any tree of bones
+    Rig(RigArgs),
     /// Bind a mesh to a skeleton: compute its skinning weights and save the character
     Bind(BindArgs),
     /// Compute the weights of handles for every vertex of a mesh, for other tools

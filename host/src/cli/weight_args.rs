@@ -9,6 +9,7 @@ use armature_weights::handles::{FREE_NEAR_JOINTS, MOST_FREE_NEAR_JOINTS};
 use clap::{ArgGroup, Args, ValueEnum};
 
 use super::args::volume_vertices;
+use super::rig_args::TemplateArgs;
 use crate::failure::Failure;
 use crate::files::Overwrite;
 use crate::terminal::grouped;
@@ -255,6 +256,7 @@ they can be from the optimal ones. {problem} Binding the same files again takes 
   armature bind armadillo.obj --skeleton armadillo.tgf -o armadillo.armature
   armature bind armadillo.obj -s armadillo.tgf --method monotone                nothing far from a bone wiggles or lags
   armature bind armadillo.obj -s armadillo.tgf --method heat                    bone heat, for comparison
+  armature bind body.obj --template human -o body.armature                      a mesh without a skeleton
   armature bind fox.glb                                                         an artist's own weights stay
   armature bind fox.glb --influences 4                                          no more than a game engine takes
   armature bind fox.glb --smooth-weights                                        without the noise of a brush
@@ -269,6 +271,13 @@ pub struct BindArgs {
     /// The skeleton (tgf, bvh, fbx, or a gltf/glb with a skin); a rigged glTF or FBX has its own
     #[arg(short, long)]
     pub skeleton: Option<PathBuf>,
+    /// Fit this skeleton into the mesh first and bind to it: human, quadruped, hand, spider, or a file with a skeleton;
+    /// `armature rig` writes it to be looked at and corrected
+    #[arg(short, long, value_name = "TEMPLATE", conflicts_with = "skeleton")]
+    pub template: Option<String>,
+    /// How it is fitted.
+    #[command(flatten)]
+    pub how: TemplateArgs,
     /// Where to save the character
     #[arg(short, long, default_value = "character.armature")]
     pub output: PathBuf,

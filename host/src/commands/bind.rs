@@ -7,8 +7,9 @@ use armature_character::handle_weights::{BiharmonicTier, DomainKind, WeightsOn};
 use armature_character::{Character, MonotoneRecord, Provenance, SolvedRecord, WeightsRecord};
 use armature_weights::WeightMatrix;
 
+use super::rig::tell_doubts;
 use super::weights::problem_words;
-use crate::characters::LoadedCharacter;
+use crate::characters::{Given, LoadedCharacter, rigging};
 use crate::cli::weight_args::{BindArgs, Method};
 use crate::failure::Failure;
 use crate::files::inputs;
@@ -56,7 +57,21 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
         smooth_weights: args.smooth_weights,
         ..BindSettings::default()
     };
-    let skeleton = args.skeleton.as_deref();
+    let mut fit = None;
+    let skeleton = match (&args.skeleton, &args.template) {
+        (_, Some(template)) => {
+            if model.rig.is_some() && !args.replace_rig {
+                return Err(Failure::usage(
+                    format!("{} has a skeleton of its own", args.mesh.display()),
+                    "leave out --template, or add --replace-rig",
+                ));
+            }
+            let found = rigging::fitted(&args.mesh, &model.mesh, template, &args.how, &mut bar.stages())?;
+            Some(rigging::as_given(fit.insert(found))?)
+        }
+        (Some(path), None) => Some(Given::read(path)?),
+        (None, None) => None,
+    };
     let added: &[u8] = if args.fill_holes { b"holes filled, version 1" } else { b"" };
     let bound =
         characters::bind_cached(model, added, &args.mesh, skeleton, &settings, !args.no_cache, &mut bar.stages())?;
@@ -64,6 +79,7 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
     let character = bound.character;
     args.overwrite.write(&args.output, &armature_character::cache::to_bytes(&character))?;
     if !talk.quiet {
+        fit.iter().for_each(tell_doubts);
         for warning in filled.iter().chain(&character.warnings) {
             aside!("note: {warning}");
         }

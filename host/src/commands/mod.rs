@@ -12,6 +12,7 @@ mod inspect;
 mod no_window;
 mod puppet;
 mod replay;
+mod rig;
 mod run;
 mod sim;
 mod surface;
@@ -32,6 +33,7 @@ pub use inspect::inspect;
 pub use no_window::window;
 pub use puppet::puppet;
 pub use replay::replay;
+pub use rig::rig;
 pub use run::run;
 pub use sim::sim;
 pub use surface::surface;
@@ -53,6 +55,7 @@ pub fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
         Command::Devices(args) => devices(&args),
         Command::Puppet(args) => puppet(&args),
         Command::Inspect(args) => inspect(&args),
+        Command::Rig(args) => rig(&args, talk),
         Command::Bind(args) => bind(&args, talk),
         Command::Weights(args) => weights(&args, talk),
         Command::Smooth(args) => smooth(&args, talk),

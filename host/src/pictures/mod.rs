@@ -1,8 +1,10 @@
-//! Pictures without a window: a character in a pose, weights or other functions on a mesh, a slice through a volume.
+//! Pictures without a window: a character in a pose, a skeleton in a mesh, weights or other functions on a mesh, a slice
+//! through a volume.
 
 mod character;
 pub mod function;
 mod ink;
+pub mod rig;
 mod scene;
 pub mod slice;
 pub mod text;

@@ -102,6 +102,7 @@ fn prepared() -> Place {
     for bones in ["bones.tgf", "armadillo.tgf", "hand.tgf"] {
         place.write(bones, THREE_BONES);
     }
+    place.done(&["rig", "body.obj", "--template", "bones.tgf", "-o", "body.bvh", "--quiet"]);
     place.write("walk.bvh", SMALL_BVH);
     let guide = std::fs::read_to_string(root().join("firmware-protocol/BUILD_YOUR_OWN_PUPPET.md")).unwrap();
     let dump = guide.split("```dump\n").nth(1).unwrap().split("\n```").next().unwrap();

@@ -15,6 +15,7 @@ mod exports;
 mod functions_command;
 mod guide;
 mod outputs;
+mod rig_command;
 mod shapes;
 mod streams;
 mod surface_command;

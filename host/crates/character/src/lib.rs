@@ -40,6 +40,7 @@
 //! | [`cache`] | [`to_bytes`](cache::to_bytes), [`from_bytes`](cache::from_bytes), [`cache_key`](cache::cache_key) |
 //! | [`inverse_kinematics`] | `new`, `drive` and `prefer` of [`InverseKinematics`](inverse_kinematics::InverseKinematics) |
 //! | [`outermost_points`](fn@outermost_points) | what of the skin could cross a floor |
+//! | [`rigging`] | [`fit`](rigging::fit) a template's skeleton into a mesh |
 //! | [`own`] | [`human`](own::human), [`spider`](own::spider), [`hand`](own::hand) |
 //!
 //! This crate does no I/O: bytes in, bytes out. It reads no clock and prints nothing. Long computations report
@@ -53,6 +54,7 @@ pub mod inverse_kinematics;
 mod outermost_points;
 pub mod own;
 mod progress;
+pub mod rigging;
 pub mod volume;
 
 pub use character::{Character, HeatRecord, MonotoneRecord, Provenance, SolvedRecord, Surface, WeightsRecord};

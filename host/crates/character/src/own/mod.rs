@@ -46,6 +46,11 @@ pub fn hand() -> Result<Character, BindError> {
     make("hand", &hand::field(), hand::DETAIL, hand::skeleton(), &hand::ribs(), [0.62, 0.40, 0.27, 1.0])
 }
 
+/// The bones of [`spider`].
+pub(crate) fn spider_skeleton() -> Result<Skeleton, SkeletonError> {
+    spider::skeleton()
+}
+
 fn make(
     name: &str,
     field: &Field,

@@ -7,5 +7,5 @@ mod tgf;
 mod with_clips;
 
 pub use graph::{GraphError, GraphSkeleton, skeleton_from_graph};
-pub use tgf::{TgfGraph, read_tgf};
+pub use tgf::{TgfGraph, read_tgf, write_tgf};
 pub use with_clips::SkeletonWithClips;

@@ -1,6 +1,10 @@
-//! Trivial graph format: the joints and bones of a skeleton, written by hand or by libigl's tools.
+//! Trivial graph format: the joints and bones of a skeleton, written by hand, by libigl's tools or by us.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use armature_rig::Skeleton;
+use glam::Vec3;
 
 use crate::FormatError;
 use crate::text::{count, decode, numbered_lines, numbers, quoted};
@@ -85,6 +89,40 @@ pub fn read_tgf(bytes: &[u8]) -> Result<TgfGraph, FormatError> {
         return Err(FormatError::line("", last_line, what, "The file may be cut off; export it again"));
     }
     Ok(graph)
+}
+
+/// Writes a skeleton's rest pose: a joint for the head of every bone and for the tail of every bone without children,
+/// and an edge from each to its parent's. The format has no names.
+///
+/// ```
+/// use armature_formats::skeleton::{read_tgf, write_tgf};
+/// use armature_rig::{Bone, Skeleton, Transform};
+///
+/// let bone = Bone { name: "arm".into(), parent: None, rest: Transform::IDENTITY, tail: [0.0, 1.0, 0.0].into() };
+/// let text = write_tgf(&Skeleton::new(vec![bone]).unwrap());
+/// assert_eq!(read_tgf(text.as_bytes())?.points, [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+/// # Ok::<(), armature_formats::FormatError>(())
+/// ```
+pub fn write_tgf(skeleton: &Skeleton) -> String {
+    let mut joints: Vec<(Vec3, Option<usize>)> = Vec::new();
+    let segments = skeleton.rest_segments();
+    joints.extend(skeleton.bones().iter().zip(&segments).map(|(bone, segment)| (segment.0, bone.parent)));
+    for (bone, (head, tail)) in segments.iter().enumerate() {
+        if skeleton.children(bone).next().is_none() && head != tail {
+            joints.push((*tail, Some(bone)));
+        }
+    }
+    let mut text = String::new();
+    for (index, (at, _)) in joints.iter().enumerate() {
+        let _ = writeln!(text, "{} {} {} {}", index + 1, at.x, at.y, at.z);
+    }
+    text.push_str("#\n");
+    for (index, (_, parent)) in joints.iter().enumerate() {
+        if let Some(parent) = parent {
+            let _ = writeln!(text, "{} {}", parent + 1, index + 1);
+        }
+    }
+    text
 }
 
 #[cfg(test)]
