@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use armature_character::rigging::Fit;
+use armature_character::rigging::{Doubt, Fit};
 use armature_formats::gltf::{GlbScene, write_glb};
 use armature_formats::skeleton::write_tgf;
 use armature_rig::Skeleton;
@@ -56,10 +56,15 @@ pub fn rig(args: &RigArgs, talk: Talk) -> Result<(), Failure> {
 
 /// What could not be told, and what to do about it.
 pub(super) fn tell_doubts(fit: &Fit) {
-    for doubt in &fit.doubts {
-        aside!("note: {doubt}");
-    }
     const UNSURE: f64 = 0.5;
+    for doubt in &fit.doubts {
+        let remedy = match doubt {
+            Doubt::FrontUnclear => " with --front",
+            Doubt::UpUnclear => " with --up",
+            _ => "",
+        };
+        aside!("note: {doubt}{remedy}");
+    }
     let unsure = fit.skeleton.bones().iter().zip(&fit.certainty).filter(|(_, sure)| **sure < UNSURE);
     let unsure: Vec<&str> = unsure.map(|(bone, _)| bone.name.as_str()).collect();
     if !unsure.is_empty() {
@@ -82,7 +87,7 @@ fn report(args: &RigArgs, fit: &Fit, seconds: f64) -> serde_json::Value {
     });
     json!({
         "file": args.output.display().to_string(), "template": args.template, "up": fit.up, "front": fit.front,
-        "cost": fit.cost, "bones": bones.collect::<Vec<_>>(),
+        "misfit": fit.misfit, "bones": bones.collect::<Vec<_>>(),
         "doubts": fit.doubts.iter().map(ToString::to_string).collect::<Vec<_>>(), "seconds": seconds,
     })
 }

@@ -74,7 +74,7 @@ fn the_bones_of_our_own_human_are_found_again() {
     let fit = human_in(mesh);
     is_sure(&fit, 0.6);
     assert_eq!(fit.doubts, []);
-    assert_eq!((fit.up, fit.front), ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
+    assert!(fit.up[1] > 0.999 && fit.front[2] > 0.999, "{:?} {:?}", fit.up, fit.front);
     let (mean, most) = apart(&heads(&fit.skeleton), &heads(&character.skeleton));
     println!("own human: mean {:.4}, most {:.4} of its size", mean / height(mesh), most / height(mesh));
     assert!(mean < 0.02 * height(mesh) && most < 0.05 * height(mesh), "{mean} {most}");
@@ -290,7 +290,7 @@ fn how_it_stands_can_be_said_and_nonsense_is_named() {
     let human = Template::human().unwrap();
     let told = RigSettings { up: Some([0.0, 2.0, 0.0]), front: Some([0.0, 0.0, -1.0]), ..RigSettings::default() };
     let backwards = fitted(mesh, &human, &told).unwrap();
-    assert_eq!(backwards.front, [0.0, 0.0, -1.0]);
+    assert!(backwards.front[2] < -0.999, "{:?}", backwards.front);
     let heads = heads(&backwards.skeleton);
     assert!(heads["LeftHand"].x < 0.0, "left and right change with the front");
     let along = RigSettings { up: Some([0.0, 1.0, 0.0]), front: Some([0.0, -3.0, 0.0]), ..RigSettings::default() };

@@ -76,7 +76,7 @@ const UNCLEAR: f64 = 0.06;
 /// Cosine of the angle between directions that are not the same.
 const CLEAR: f64 = 0.7;
 /// Cost of each limb from which on the template is for another figure.
-const BAD_FIT: f64 = 0.33;
+const BAD_FIT: f64 = 0.3;
 /// Limbs that stick out by this share of the longest way are expected to have bones.
 const LIMB: f64 = 0.12;
 /// Deviation of a bone's length from the template's, as a logarithm, that is nothing unusual.
@@ -91,7 +91,7 @@ pub(super) fn certainties(
     joints: &[DVec3],
 ) -> Vec<f64> {
     let best = &found.best;
-    let whole = 1.0 / (1.0 + (fit(template, best) / BAD_FIT).powi(2));
+    let whole = 1.0 / (1.0 + (misfit(template, landmarks, best) / BAD_FIT).powi(2));
     let mut of_joint = vec![whole; joints.len()];
     for (limb, end) in template.limbs.iter().zip(&best.ends) {
         let found = end.map_or(0.05, |end| {
@@ -133,7 +133,7 @@ pub(super) fn doubts(
 ) -> Vec<Doubt> {
     let best = &found.best;
     let mut doubts = Vec::new();
-    if fit(template, best) > BAD_FIT {
+    if misfit(template, landmarks, best) > BAD_FIT {
         doubts.push(Doubt::OtherFigure);
     }
     let name = |joint: usize| {
@@ -181,9 +181,9 @@ pub(super) fn doubts(
     doubts
 }
 
-/// Cost of the embedding for each limb.
-fn fit(template: &Template, best: &Embedding) -> f64 {
-    best.cost.max(0.0) / template.limbs.len().max(1) as f64
+/// How badly the template fits, for each limb.
+fn misfit(template: &Template, landmarks: &Landmarks, best: &Embedding) -> f64 {
+    best.misfit(landmarks) / template.limbs.len().max(1) as f64
 }
 
 /// The joint at a bone's far end: that of its tail, or the nearest child's.

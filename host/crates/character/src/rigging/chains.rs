@@ -22,7 +22,7 @@ pub(super) fn joints_along(path: &[DVec3], radii: &[f64], lengths: &[f64]) -> Ve
     let with_radius: Vec<DVec4> = path.iter().zip(radii).map(|(at, radius)| at.extend(*radius)).collect();
     let samples = smoothed(&with_radius);
     let whole: f64 = lengths.iter().sum();
-    if bones < 2 || !(whole > 0.0) || bones >= SAMPLES {
+    if bones < 2 || whole <= 0.0 || bones >= SAMPLES {
         let along = |k: usize| first.lerp(last, k as f64 / bones.max(1) as f64);
         return (0..=bones).map(along).collect();
     }

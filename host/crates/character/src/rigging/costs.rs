@@ -132,12 +132,6 @@ impl<'a> Costs<'a> {
         (ratio * ratio).min(1.0)
     }
 
-    /// What an end without bones costs; all costs are relative to those of a mesh in which all have none.
-    fn worth(&self, end: &End) -> f64 {
-        // How long the longest limb is says little: it has the whole way from the middle.
-        UNUSED * (end.persistence / self.landmarks.diameter).min(LONG_LIMB)
-    }
-
     fn off_direction(&self, way: DVec3, wanted: DVec3) -> f64 {
         let (way, wanted) = (way.normalize_or_zero(), self.stance.turn * wanted.normalize_or_zero());
         if way == DVec3::ZERO || wanted == DVec3::ZERO { 0.0 } else { 0.5 * (1.0 - way.dot(wanted)) }
@@ -153,7 +147,7 @@ impl<'a> Costs<'a> {
             .iter()
             .map(|end| {
                 let last = LAST_DIRECTION * limb.manner.aim * self.off_direction(end.way, limb.chain.last);
-                last + self.off_middle(end.at, is_middle) - self.worth(end)
+                last + self.off_middle(end.at, is_middle) - worth(self.landmarks, end)
             })
             .collect();
         let mut costs = Vec::with_capacity(self.centres.len() * of_end.len());
@@ -259,6 +253,12 @@ impl<'a> Costs<'a> {
         }
         Least { cost, hubs: chosen.into_iter().map(|centre| self.centres[centre]).collect() }
     }
+}
+
+/// What an end without bones costs; all costs are relative to those of a mesh in which all have none.
+pub(super) fn worth(landmarks: &Landmarks, end: &End) -> f64 {
+    // How long the longest limb is says little: it has the whole way from the middle.
+    UNUSED * (end.persistence / landmarks.diameter).min(LONG_LIMB)
 }
 
 fn least_of(values: impl Iterator<Item = f64>) -> (usize, f64) {

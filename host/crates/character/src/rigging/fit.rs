@@ -32,8 +32,8 @@ pub struct Fit {
     pub up: [f64; 3],
     /// Which way the figure looks; unit vector.
     pub front: [f64; 3],
-    /// What the embedding costs: 0 for the template itself, about 0.7 for each limb that is missing.
-    pub cost: f64,
+    /// How badly the template fits as a whole: 0 for the template itself, about 0.8 more for each limb that is missing.
+    pub misfit: f64,
 }
 
 /// Fits the skeleton of `template` into `mesh`: joints in the middle of limbs, in the proportions of the template where
@@ -61,7 +61,7 @@ pub fn fit(
     stage("finding the inside", 0.0)?;
     let (low, high) = bounds(mesh);
     let (origin, size) = (0.5 * low + 0.5 * high, (0.5 * high - 0.5 * low).max_element() * 2.0);
-    if !size.is_finite() || !(size > 0.0) {
+    if !size.is_finite() || size <= 0.0 {
         return Err(RigError::Flat);
     }
     let unit = |v: &[f64; 3]| ((DVec3::from(*v) - origin) / size).to_array();
@@ -87,7 +87,7 @@ pub fn fit(
         doubts,
         up: turn.y_axis.to_array(),
         front: turn.z_axis.to_array(),
-        cost: found.best.cost,
+        misfit: found.best.misfit(&landmarks),
     })
 }
 

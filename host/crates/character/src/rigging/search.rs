@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::costs::{Choice, Costs, Stance};
+use super::costs::{Choice, Costs, Stance, worth};
 use super::error::RigError;
 use super::interior::Interior;
 use super::landmarks::Landmarks;
@@ -34,6 +34,14 @@ pub(super) struct Embedding {
     /// The end of each limb; `None` where there is none.
     pub(super) ends: Vec<Option<usize>>,
     pub(super) cost: f64,
+}
+
+impl Embedding {
+    /// What of the cost says how badly the template fits: all but the limbs of the mesh that it uses or leaves.
+    pub(super) fn misfit(&self, landmarks: &Landmarks) -> f64 {
+        let used = self.ends.iter().flatten().map(|&end| worth(landmarks, &landmarks.ends[end]));
+        (self.cost + used.sum::<f64>()).max(0.0)
+    }
 }
 
 /// The best embedding, and how the search went.

@@ -78,7 +78,7 @@ impl Template {
     pub fn new(skeleton: Skeleton) -> Result<Self, RigError> {
         let joints = joints(&skeleton);
         let size = joints.iter().flat_map(|a| joints.iter().map(|b| a.at.distance(b.at))).fold(0.0, f64::max);
-        if !(size > 0.0) {
+        if size <= 0.0 {
             return Err(RigError::NoBones);
         }
         let recognition = recognise(&skeleton);
