@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use armature_character::Progress;
-use armature_character::rigging::{Fit, RigError, Template, fit};
+use armature_character::rigging::{Fit, RigError, RigSettings, Template, fit};
 use armature_formats::motion::write_bvh;
 use armature_geometry::TriangleMesh;
 use armature_rig::{Motion, Skeleton};
 
 use super::Given;
-use crate::cli::rig_args::TemplateArgs;
 use crate::failure::Failure;
 use crate::files::{self, inputs};
 
@@ -21,11 +20,11 @@ pub fn fitted(
     file: &Path,
     mesh: &TriangleMesh,
     template: &str,
-    args: &TemplateArgs,
+    settings: &RigSettings,
     progress: Progress,
 ) -> Result<Fit, Failure> {
     let chosen = find(template)?;
-    fit(mesh, &chosen, &args.settings(), progress).map_err(|error| rig_failure(file, template, &error))
+    fit(mesh, &chosen, settings, progress).map_err(|error| rig_failure(file, template, &error))
 }
 
 /// A template by its name, that of a simulated puppet, or a file with a skeleton.

@@ -66,7 +66,7 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
                     "leave out --template, or add --replace-rig",
                 ));
             }
-            let found = rigging::fitted(&args.mesh, &model.mesh, template, &args.how, &mut bar.stages())?;
+            let found = rigging::fitted(&args.mesh, &model.mesh, template, &args.how.settings(), &mut bar.stages())?;
             Some(rigging::as_given(fit.insert(found))?)
         }
         (Some(path), None) => Some(Given::read(path)?),

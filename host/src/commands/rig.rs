@@ -23,7 +23,7 @@ pub fn rig(args: &RigArgs, talk: Talk) -> Result<(), Failure> {
     let start = std::time::Instant::now();
     let bar = Bar::new(talk, "reading the mesh").until_interrupted();
     let model = inputs::model(&args.mesh)?;
-    let fit = fitted(&args.mesh, &model.mesh, &args.template, &args.how, &mut bar.stages())?;
+    let fit = fitted(&args.mesh, &model.mesh, &args.template, &args.how.settings(), &mut bar.stages())?;
     bar.finish();
     args.overwrite.write(&args.output, &write(&fit.skeleton, &files::name_of(&args.mesh))?)?;
     let picture = args.picture.as_deref();

@@ -21,15 +21,18 @@ const NEIGHBOUR: f64 = 0.3;
 const OVERLAP: f64 = 0.3;
 /// For a limb of the mesh as long as its longest way, if it counted whole ...
 const UNUSED: f64 = 0.6;
+/// For each foot.
+const OFF_GROUND: f64 = 0.4;
 /// ... but no more of it than this counts.
 const LONG_LIMB: f64 = 0.2;
-const SHALLOW: f64 = 0.3;
+const SHALLOW: f64 = 0.6;
 
 /// Distances, as shares of the diameter, from which on something is as wrong as it can be.
 const FAR_FROM_MIDDLE: f64 = 0.06;
 const FAR_FROM_MIRROR: f64 = 0.15;
 /// Hubs are in the deepest places within this distance.
 const AROUND_HUB: f64 = 0.1;
+const FAR_FROM_GROUND: f64 = 0.15;
 /// As a share of the limb.
 const FAR_OVERLAP: f64 = 0.12;
 
@@ -125,6 +128,14 @@ impl<'a> Costs<'a> {
         SHALLOW * lack * lack
     }
 
+    /// A figure stands on its feet; one of them may be lifted.
+    fn off_ground(&self, at: DVec3) -> f64 {
+        let up = self.stance.turn.y_axis;
+        let low = self.landmarks.ends.iter().map(|end| end.at.dot(up)).fold(f64::INFINITY, f64::min);
+        let height = (at.dot(up) - low) / (FAR_FROM_GROUND * self.landmarks.diameter);
+        OFF_GROUND * (height * height).min(1.0)
+    }
+
     fn length(&self, length: f64, chain: &Chain) -> f64 {
         // Two joints of a puppet may be in one place.
         let wanted = (self.stance.scale * chain.length).max(0.02 * self.landmarks.diameter);
@@ -147,7 +158,8 @@ impl<'a> Costs<'a> {
             .iter()
             .map(|end| {
                 let last = LAST_DIRECTION * limb.manner.aim * self.off_direction(end.way, limb.chain.last);
-                last + self.off_middle(end.at, is_middle) - worth(self.landmarks, end)
+                let ground = if limb.is_foot { self.off_ground(end.at) } else { 0.0 };
+                last + ground + self.off_middle(end.at, is_middle) - worth(self.landmarks, end)
             })
             .collect();
         let mut costs = Vec::with_capacity(self.centres.len() * of_end.len());

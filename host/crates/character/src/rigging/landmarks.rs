@@ -146,10 +146,11 @@ fn middle_of_cap(interior: &Interior, from_end: &Ways, from_middle: &Ways, end: 
         };
         (0..interior.points.len()).filter(within).collect()
     };
-    // The limb's radius near the end: that of the largest sphere that is about as near as it is large.
+    // The limb's radius near the end: that of the largest sphere that is about as near as it is large, found from a small
+    // one that grows as long as there is room.
     let mut radius = 2.0 * interior.step;
     for _ in 0..ROUNDS {
-        let depth = cap(radius, radius).iter().map(|&p| interior.depth[p]).fold(0.0, f64::max);
+        let depth = cap(radius, 1.5 * radius).iter().map(|&p| interior.depth[p]).fold(0.0, f64::max);
         radius = radius.max(depth);
     }
     let points = cap(radius, radius);

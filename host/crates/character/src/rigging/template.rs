@@ -47,6 +47,8 @@ pub(super) struct Limb {
     pub(super) chain: Chain,
     /// Its mirror image among the limbs; itself for one of the middle.
     pub(super) mirror: Option<usize>,
+    /// Whether it stands on the ground in the template.
+    pub(super) is_foot: bool,
     /// How telling it is.
     pub(super) manner: Manner,
 }
@@ -146,7 +148,8 @@ impl Template {
                     let part = |&joint: &usize| recognition.bones.get(joint).copied().flatten().map(|b| b.bone.part);
                     let parts: Vec<HumanoidPart> = chain.joints.iter().filter_map(part).collect();
                     let manner = manner(self.figure, &parts);
-                    self.limbs.push(Limb { hub: at, chain, mirror: None, manner });
+                    let is_foot = self.is_foot(last);
+                    self.limbs.push(Limb { hub: at, chain, mirror: None, is_foot, manner });
                 }
             }
             at += 1;
@@ -159,6 +162,14 @@ impl Template {
         };
         let mirrors: Vec<Option<usize>> = self.limbs.iter().map(mirror).collect();
         self.limbs.iter_mut().zip(mirrors).for_each(|(limb, mirror)| limb.mirror = mirror);
+    }
+
+    /// Legs end at the lowest height of the template; so does a hand's arm and whatever else it stands on.
+    fn is_foot(&self, joint: usize) -> bool {
+        const NEAR_GROUND: f64 = 0.06;
+        let heights = || self.joints.iter().map(|joint| joint.at.y);
+        let (low, high) = (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
+        self.joints[joint].at.y <= low + NEAR_GROUND * (high - low)
     }
 
     fn neighbours(&self, joint: usize) -> Vec<usize> {
