@@ -1,5 +1,5 @@
-//! Draws bounded and monotone weights of shapes with long appendages, at rest with their spurious extrema and posed, and
-//! noisy data before and after they are smoothed, into this folder or another:
+//! Draws bounded weights, monotone ones, and monotone ones that were solved together, of shapes with long appendages: at
+//! rest with their spurious extrema, and posed; and noisy data before and after they are smoothed, into this folder or another:
 //! `cargo run --release --example controlled_extrema -- [FOLDER]`.
 
 use std::f64::consts::TAU;
@@ -10,8 +10,8 @@ use armature::failure::Failure;
 use armature::files::Overwrite;
 use armature::pictures::function::{Dot, FunctionPicture, Shown, write_function_pictures};
 use armature_character::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, SpuriousExtremum, WeightsOn,
-    handle_weights, monotone_handle_weights,
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, SpuriousExtrema,
+    SpuriousExtremum, WeightMethod, WeightsOn, handle_weights,
 };
 use armature_geometry::TriangleMesh;
 use armature_weights::extrema::{PersistentExtremum, persistence};
@@ -49,60 +49,65 @@ fn main() -> Result<(), Failure> {
 
 fn shots() -> Vec<Shot> {
     let within = |v: f64, from: f64, to: f64| (from..to).contains(&v);
-    let propeller = flat(0.05, [4.0, 5.0], |x, y| within(y, 2.0, 3.0) || within(x, 2.9, 3.25));
+    // What hangs on the middle of each shape runs along the direction in which the weights change.
+    let propeller = flat(0.05, [5.0, 5.2], |x, y| {
+        let (along, across) = (0.6 * (x - 2.2) + 0.8 * (y - 2.5), 0.8 * (x - 2.2) - 0.6 * (y - 2.5));
+        (within(y, 2.0, 3.0) && x < 4.4) || (across.abs() < 0.35 && along.abs() < 3.0)
+    });
     let cactus = flat(0.05, [4.0, 5.0], |x, y| {
         within(x, 1.5, 2.5)
-            || (within(x, 0.0, 1.5) && within(y, 1.0, 1.5))
-            || (within(x, 0.0, 0.5) && within(y, 1.0, 4.0))
-            || (within(x, 2.5, 4.0) && within(y, 1.5, 2.0))
-            || (within(x, 3.5, 4.0) && within(y, 1.5, 4.5))
+            || (within(x, 0.5, 1.5) && within(y, 0.8, 2.0))
+            || (within(x, 0.5, 1.3) && within(y, 0.8, 4.5))
+            || (within(x, 2.5, 3.5) && within(y, 1.6, 2.6))
+            || (within(x, 2.8, 3.5) && within(y, 1.6, 4.0))
     });
-    // A body with a head and a long thin tail, and a pipe with a bell, lying along x.
-    let bump = |s: f64, at: f64, width: f64| (-((s - at) / width).powi(2)).exp();
-    let close = |s: f64| (1.0 - (2.0 * s - 1.0).powi(16)).max(0.0).sqrt();
-    let tailed = lying(tube(
-        48,
-        move |s| close(s) * (0.12 + 0.45 * bump(s, 0.78, 0.12) + 0.25 * bump(s, 0.95, 0.05)),
-        |s| 6.0 * s,
-    ));
-    let horn = lying(tube(48, move |s| close(s) * (0.25 + 0.9 / (1.0 + (-40.0 * (s - 0.86)).exp())), |s| 6.0 * s));
-    let volume = WeightsOn::Volume { vertices: 4000 };
+    // A trunk with a tail that hangs off its back and turns up, and a pipe with a bell that opens beside it.
+    let tailed = rounded(voxels(0.1, [2.6, 4.4, 0.8], |[x, y, _]| {
+        within(x, 1.7, 2.5) || (x < 1.7 && within(y, 1.1, 1.9)) || (x < 0.6 && within(y, 1.1, 4.4))
+    }));
+    let horn = rounded(voxels(0.1, [3.4, 4.4, 2.0], |[x, y, z]| {
+        let radius = if y < 3.2 { 0.45 } else { 0.45 + 0.5 * (y - 3.2) };
+        let bell = (x - 1.0).hypot(z - 1.0) < radius && y > 1.0;
+        let bend = within(x, 1.0, 2.8) && within(y, 1.0, 1.9) && within(z, 0.6, 1.4);
+        bell || bend || (within(x, 2.3, 3.1) && within(z, 0.6, 1.4))
+    }));
+    let volume = WeightsOn::Volume { vertices: 2500 };
     vec![
         Shot {
             file: "extrema-propeller.png",
             mesh: propeller,
-            handles: vec![[0.3, 2.5, 0.0], [1.7, 2.5, 0.0], [3.7, 2.5, 0.0]],
+            handles: vec![[0.3, 2.5, 0.0], [4.1, 2.5, 0.0]],
             on: WeightsOn::Surface,
             moved: 0,
-            turn: (DVec3::Z, 60.0),
-            by: DVec3::new(0.5, -1.2, 0.0),
+            turn: (DVec3::Z, 0.0),
+            by: DVec3::new(-1.5, 3.0, 0.0),
         },
         Shot {
             file: "extrema-cactus.png",
             mesh: cactus,
             handles: vec![[2.0, 0.3, 0.0], [2.0, 2.5, 0.0], [2.0, 4.7, 0.0]],
             on: WeightsOn::Surface,
-            moved: 2,
-            turn: (DVec3::Z, -70.0),
-            by: DVec3::new(1.6, -0.6, 0.0),
+            moved: 1,
+            turn: (DVec3::Z, 0.0),
+            by: DVec3::new(3.0, 0.6, 0.0),
         },
         Shot {
             file: "extrema-tail.png",
             mesh: tailed,
-            handles: vec![[5.7, 0.0, 0.0], [4.9, 0.0, 0.0], [4.2, 0.0, 0.0]],
+            handles: vec![[2.1, 0.3, 0.4], [2.1, 4.1, 0.4]],
             on: volume,
-            moved: 0,
-            turn: (DVec3::Z, 50.0),
-            by: DVec3::new(-0.6, 1.2, 0.0),
+            moved: 1,
+            turn: (DVec3::Z, 0.0),
+            by: DVec3::new(4.5, 0.5, 0.0),
         },
         Shot {
             file: "extrema-horn.png",
             mesh: horn,
-            handles: vec![[0.3, 0.0, 0.0], [1.5, 0.0, 0.0], [2.7, 0.0, 0.0]],
+            handles: vec![[2.7, 0.3, 1.0], [2.7, 4.1, 1.0]],
             on: volume,
-            moved: 0,
-            turn: (DVec3::Z, -70.0),
-            by: DVec3::new(0.6, 1.4, 0.0),
+            moved: 1,
+            turn: (DVec3::Z, 0.0),
+            by: DVec3::new(4.5, 0.5, 0.0),
         },
     ]
 }
@@ -120,21 +125,39 @@ fn draw_shot(folder: &Path, shot: &Shot) -> Result<(), Failure> {
         |(k, &place): (usize, &[f64; 3])| HandleShape { name: format!("{k}"), place: HandlePlace::Point(place) };
     let shapes: Vec<HandleShape> = shot.handles.iter().enumerate().map(shape).collect();
     let held = Held::Shapes { shapes: &shapes, cage: &[] };
-    let settings = HandleWeightsSettings {
-        tier: BiharmonicTier::Certified,
-        on: shot.on,
-        partition: Partition::Normalised,
-        joint_release: 0.0,
+    let solve = |method, partition| {
+        let settings = HandleWeightsSettings {
+            method,
+            tier: BiharmonicTier::Interactive,
+            on: shot.on,
+            partition,
+            joint_release: 0.0,
+        };
+        handle_weights(&shot.mesh, None, held, &settings, &mut on).map_err(failed)
     };
-    let bounded = handle_weights(&shot.mesh, None, held, &settings, &mut on).map_err(failed)?;
-    let monotone = monotone_handle_weights(&shot.mesh, None, held, &settings, 2, &mut on).map_err(failed)?;
-    let both = [("bounded", bounded.weights, bounded.spurious), ("monotone", monotone.weights, monotone.spurious)];
-    let parts: Vec<_> = both
+    let monotone = WeightMethod::Monotone { order: 2 };
+    let all = [
+        ("bounded", solve(WeightMethod::BoundedBiharmonic, Partition::Normalised)?),
+        ("monotone, scaled", solve(monotone, Partition::Normalised)?),
+        ("monotone, together", solve(monotone, Partition::Exact)?),
+    ];
+    let parts: Vec<_> = all
         .iter()
-        .map(|(title, weights, spurious)| {
-            let dots: Vec<Dot> = spurious.computed[shot.moved].iter().map(dot).collect();
-            println!("{} {title}: {} spurious extrema", shot.file, dots.len());
-            (*title, weights.bone(shot.moved), dots, posed(shot, weights))
+        .map(|(title, made)| {
+            let of_all = |all: &[Vec<SpuriousExtremum>]| all.iter().map(Vec::len).sum::<usize>();
+            println!(
+                "{} {title}: {} vertices, energy {:.5}, spurious extrema of all handles {}, scaled {:?}; converged: {}",
+                shot.file,
+                made.domain_vertices,
+                made.energy(),
+                of_all(&made.spurious.computed),
+                made.spurious.scaled.as_deref().map(of_all),
+                made.converged(),
+            );
+            let most = SpuriousExtrema::total(made.spurious.last()).1;
+            println!("    the worst is {most:.4} from its saddle");
+            let dots: Vec<Dot> = made.spurious.last()[shot.moved].iter().map(dot).collect();
+            (*title, made.weights.bone(shot.moved), dots, posed(shot, &made.weights))
         })
         .collect();
     let range = [0.0, 1.0];
@@ -145,15 +168,16 @@ fn draw_shot(folder: &Path, shot: &Shot) -> Result<(), Failure> {
         legend: &[],
         extrema: dots,
     });
-    let moved = parts.iter().map(|(title, values, _, mesh)| FunctionPicture {
+    let moved = parts.iter().map(|(_, values, _, mesh)| FunctionPicture {
         mesh,
         shown: Shown::Values { values, range },
-        title,
+        title: "",
         legend: &[],
         extrema: &[],
     });
     let pictures: Vec<FunctionPicture> = at_rest.chain(moved).collect();
-    write_function_pictures(Overwrite { force: true }, &folder.join(shot.file), &pictures).map(|_| ())
+    let path = folder.join(shot.file);
+    write_function_pictures(Overwrite { force: true }, &path, &pictures, parts.len()).map(|_| ())
 }
 
 fn dot(one: &SpuriousExtremum) -> Dot {
@@ -201,7 +225,7 @@ fn smooth(path: &Path, mesh: &TriangleMesh, clean: &dyn Fn([f64; 3]) -> f64, kee
         FunctionPicture { mesh, shown, title, legend: &[], extrema }
     };
     let both = [picture(&data, "data", &before[..]), picture(&smoothed, "smoothed", &after)];
-    write_function_pictures(Overwrite { force: true }, path, &both).map(|_| ())
+    write_function_pictures(Overwrite { force: true }, path, &both, 2).map(|_| ())
 }
 
 /// A flat figure of right triangles, wherever `inside` says for the middle of a square.
@@ -256,8 +280,50 @@ fn tube(around: u32, radius: impl Fn(f64) -> f64, height: impl Fn(f64) -> f64) -
     TriangleMesh { vertices, triangles }
 }
 
-/// Along x instead of z.
-fn lying(mut mesh: TriangleMesh) -> TriangleMesh {
-    mesh.vertices.iter_mut().for_each(|place| *place = [place[2], place[0], place[1]]);
+/// The surface of a solid of cubes with edges of length `h`, wherever `inside` says for the middle of a cube.
+fn voxels(h: f64, size: [f64; 3], inside: impl Fn([f64; 3]) -> bool) -> TriangleMesh {
+    let cells = size.map(|length| (length / h).round() as i32);
+    let filled = |cell: [i32; 3]| {
+        (0..3).all(|k| (0..cells[k]).contains(&cell[k])) && inside(cell.map(|k| (f64::from(k) + 0.5) * h))
+    };
+    let mut number = std::collections::BTreeMap::new();
+    let mut mesh = TriangleMesh::default();
+    let all = (0..cells[2]).flat_map(|z| (0..cells[1]).flat_map(move |y| (0..cells[0]).map(move |x| [x, y, z])));
+    for cell in all.filter(|&cell| filled(cell)) {
+        for (axis, side) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
+            let mut beyond = cell;
+            beyond[axis] += 2 * side - 1;
+            if filled(beyond) {
+                continue;
+            }
+            let mut corner = |u: i32, v: i32| {
+                let mut at = cell;
+                at[axis] += side;
+                at[(axis + 1) % 3] += u;
+                at[(axis + 2) % 3] += v;
+                *number.entry(at).or_insert_with(|| {
+                    mesh.vertices.push(at.map(|k| f64::from(k) * h));
+                    mesh.vertices.len() as u32 - 1
+                })
+            };
+            let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            mesh.triangles.extend(if side == 1 { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
+        }
+    }
+    mesh
+}
+
+/// Each vertex moves to the middle of its neighbours a few times.
+fn rounded(mut mesh: TriangleMesh) -> TriangleMesh {
+    for _ in 0..6 {
+        let mut sums = vec![(DVec3::ZERO, 0.0); mesh.vertices.len()];
+        for &[a, b, c] in &mesh.triangles {
+            for (to, from) in [(a, b), (b, c), (c, a)] {
+                sums[to as usize].0 += DVec3::from(mesh.vertices[from as usize]);
+                sums[to as usize].1 += 1.0;
+            }
+        }
+        mesh.vertices = sums.into_iter().map(|(sum, count)| (sum / count).to_array()).collect();
+    }
     mesh
 }

@@ -13,7 +13,8 @@ use std::path::PathBuf;
 use armature::pictures::draw_scene;
 use armature_character::Character;
 use armature_character::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightsOn, handle_weights,
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightMethod, WeightsOn,
+    handle_weights,
 };
 use armature_character::own::human;
 use armature_deform::skin::{
@@ -196,8 +197,13 @@ fn weights(
     let named = |(number, place): (usize, HandlePlace)| HandleShape { name: number.to_string(), place };
     let shapes: Vec<HandleShape> = places.into_iter().enumerate().map(named).collect();
     let on = WeightsOn::Volume { vertices: 20_000 };
-    let settings =
-        HandleWeightsSettings { tier: BiharmonicTier::Interactive, on, partition, joint_release: FREE_NEAR_JOINTS };
+    let settings = HandleWeightsSettings {
+        method: WeightMethod::BoundedBiharmonic,
+        tier: BiharmonicTier::Interactive,
+        on,
+        partition,
+        joint_release: FREE_NEAR_JOINTS,
+    };
     let go_on = &mut |_, _| ControlFlow::Continue(());
     Ok(handle_weights(&character.surface.mesh, None, Held::Shapes { shapes: &shapes, cage: &[] }, &settings, go_on)?
         .weights)

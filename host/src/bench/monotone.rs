@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use armature_character::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightsOn, handle_weights,
-    monotone_handle_weights,
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightMethod, WeightsOn,
+    handle_weights,
 };
 use armature_geometry::TriangleMesh;
 use armature_geometry::operators::{Lumping, cotangent_laplacian, lumped_mass};
@@ -157,6 +157,7 @@ fn armadillo(name: &'static str) -> Result<Option<Measurement>, Failure> {
     let shapes: Vec<HandleShape> = graph.edges.iter().enumerate().map(shape).collect();
     let held = Held::Shapes { shapes: &shapes, cage: &[] };
     let settings = HandleWeightsSettings {
+        method: WeightMethod::BoundedBiharmonic,
         tier: BiharmonicTier::Interactive,
         on: WeightsOn::Volume { vertices: VOLUME },
         partition: Partition::Normalised,
@@ -170,8 +171,8 @@ fn armadillo(name: &'static str) -> Result<Option<Measurement>, Failure> {
         ControlFlow::Continue(())
     };
     let mut begun = None;
-    let monotone =
-        monotone_handle_weights(&model.mesh, None, held, &settings, 2, &mut |stage, _| solving(&mut begun, stage));
+    let ours = HandleWeightsSettings { method: WeightMethod::Monotone { order: 2 }, ..settings };
+    let monotone = handle_weights(&model.mesh, None, held, &ours, &mut |stage, _| solving(&mut begun, stage));
     let monotone = monotone.map_err(|e| crate::characters::weights_failure(&mesh, &e))?;
     let seconds = begun.map_or(f64::NAN, |start| start.elapsed().as_secs_f64());
     let mut begun = None;

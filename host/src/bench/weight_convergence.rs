@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use armature_character::bind::WEIGHT_VOLUME_VERTICES;
 use armature_character::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition, WeightsOn,
-    handle_weights,
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition, WeightMethod,
+    WeightsOn, handle_weights,
 };
 use armature_geometry::TriangleMesh;
 use armature_rig::Skeleton;
@@ -83,6 +83,7 @@ fn refine(mesh: &TriangleMesh, shapes: &[HandleShape], path: &Path) -> Result<Ve
     for vertices in SIZES {
         let start = Instant::now();
         let settings = HandleWeightsSettings {
+            method: WeightMethod::BoundedBiharmonic,
             tier: BiharmonicTier::Interactive,
             on: WeightsOn::Volume { vertices },
             partition: Partition::Normalised,

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use armature_character::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition, WeightsOn,
-    handle_weights,
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, Partition, WeightMethod,
+    WeightsOn, handle_weights,
 };
 use armature_weights::handles::FREE_NEAR_JOINTS;
 
@@ -95,8 +95,13 @@ fn solved(path: &Path, shapes: &[HandleShape], partition: Partition) -> Result<(
     let mesh = inputs::model(path)?.mesh;
     let start = Instant::now();
     let on = WeightsOn::Volume { vertices: VERTICES };
-    let settings =
-        HandleWeightsSettings { tier: BiharmonicTier::Interactive, on, partition, joint_release: FREE_NEAR_JOINTS };
+    let settings = HandleWeightsSettings {
+        method: WeightMethod::BoundedBiharmonic,
+        tier: BiharmonicTier::Interactive,
+        on,
+        partition,
+        joint_release: FREE_NEAR_JOINTS,
+    };
     let held = Held::Shapes { shapes, cage: &[] };
     let made = handle_weights(&mesh, None, held, &settings, &mut |_, _| ControlFlow::Continue(()))
         .map_err(|e| characters::weights_failure(path, &e))?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use armature_character::handle_weights::{
-    BiharmonicTier, HandleWeights, HandleWeightsSettings, Held, Partition, WeightsOn, handle_weights,
+    BiharmonicTier, HandleWeights, HandleWeightsSettings, Held, Partition, WeightMethod, WeightsOn, handle_weights,
 };
 use armature_formats::model::Model;
 use armature_formats::tables::{NumberTable, read_npy};
@@ -94,6 +94,7 @@ fn timed(
     path: &Path,
 ) -> Result<(f64, HandleWeights), Failure> {
     let settings = HandleWeightsSettings {
+        method: WeightMethod::BoundedBiharmonic,
         tier,
         on: WeightsOn::OwnElements,
         partition: Partition::Left,

@@ -1,6 +1,6 @@
 //! The options of the subcommands that compute functions on a mesh other than weights.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 
@@ -31,17 +31,21 @@ Sorkine 2012). An extremum's persistence is its difference to the saddle at whic
 how many extrema there were, which were kept, and how far values can be from the best function that rises along the same edges.
 
   armature smooth face.obj --data painted.npy --keep 6 -o smoothed.npy --picture smoothed.png
-  armature smooth face.obj --data painted.npy --persistence 0.1 --detail 0.05 -o smoothed.dmat";
+  armature smooth face.obj --data painted.npy --persistence 0.1 --detail 0.05 -o smoothed.dmat
+  armature smooth face.obj --geodesic 0 --keep 2 -o distances.npy      distances along the surface, without their cusps";
 
 /// `armature smooth`
 #[derive(Debug, Args)]
-#[command(after_help = SMOOTH_HELP, group = ArgGroup::new("kept").required(true).args(["keep", "persistence"]))]
+#[command(after_help = SMOOTH_HELP, group = ArgGroup::new("kept").required(true).args(["keep", "persistence"]), group = ArgGroup::new("source").required(true).args(["data", "geodesic"]))]
 pub struct SmoothArgs {
     /// The mesh (fbx, gltf, glb, vrm, obj, ply, stl, off, mesh)
     pub mesh: PathBuf,
     /// The data: a .npy or .dmat file with a row for each vertex of the mesh and a column for each function
     #[arg(long, value_name = "F.npy")]
-    pub data: PathBuf,
+    pub data: Option<PathBuf>,
+    /// Instead of data, the distances along the surface from these vertices (counted from 0, separated by commas)
+    #[arg(long, value_name = "VERTEX", value_delimiter = ',')]
+    pub geodesic: Vec<usize>,
     /// Keep this many extrema, the most persistent; at least 2
     #[arg(long, value_name = "N")]
     pub keep: Option<usize>,
@@ -69,6 +73,13 @@ pub struct SmoothArgs {
     /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
+}
+
+impl SmoothArgs {
+    /// The file that errors in the data are about.
+    pub fn source(&self) -> &Path {
+        self.data.as_deref().unwrap_or(&self.mesh)
+    }
 }
 
 fn detail_help() -> String {

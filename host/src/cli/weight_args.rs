@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use armature_character::bind::{BindMethod, MOST_INFLUENCES, WEIGHT_VOLUME_VERTICES};
-use armature_character::handle_weights::{BiharmonicTier, FLAT, Partition, WeightsOn};
+use armature_character::handle_weights::{BiharmonicTier, FLAT, Partition, WeightMethod, WeightsOn};
 use armature_weights::biharmonic::{BiharmonicSettings, ExactPartitionSettings};
 use armature_weights::handles::{FREE_NEAR_JOINTS, MOST_FREE_NEAR_JOINTS};
 use clap::{ArgGroup, Args, ValueEnum};
@@ -87,11 +87,22 @@ pub enum HandleMethod {
     /// Monotone weights: smooth, and without minima or maxima other than where handles hold the shape (before they are
     /// scaled to sum to one)
     Monotone,
+    /// Monotone weights of all handles together: they sum to one without being scaled, and none has a minimum or maximum
+    /// of its own; for a few handles, since time and memory grow fast with their number
+    MonotoneExact,
     /// Bone heat on the surface
     Heat,
 }
 
 impl HandleMethod {
+    /// Which weights; `order` is that of monotone ones.
+    pub fn of_order(self, order: u8) -> WeightMethod {
+        match self {
+            Self::Monotone | Self::MonotoneExact => WeightMethod::Monotone { order: usize::from(order) },
+            Self::Bbw | Self::BbwCertified | Self::BbwExact | Self::Heat => WeightMethod::BoundedBiharmonic,
+        }
+    }
+
     /// How accurate bounded biharmonic weights must be.
     pub fn tier(self) -> BiharmonicTier {
         if self == Self::BbwCertified { BiharmonicTier::Certified } else { BiharmonicTier::Interactive }
@@ -100,7 +111,7 @@ impl HandleMethod {
     /// How they are made to sum to one.
     pub fn partition(self, left: bool) -> Partition {
         match (self, left) {
-            (Self::BbwExact, _) => Partition::Exact,
+            (Self::BbwExact | Self::MonotoneExact, _) => Partition::Exact,
             (_, true) => Partition::Left,
             (_, false) => Partition::Normalised,
         }
@@ -367,7 +378,7 @@ pub struct WeightsArgs {
     #[command(flatten)]
     pub release: ReleaseArgs,
     /// Keep each handle's weights as computed; without it, each vertex's weights are scaled to sum to one (bbw-exact
-    /// needs no scaling)
+    /// and monotone-exact need no scaling)
     #[arg(long)]
     pub no_normalize: bool,
     /// Where to write the weights: a .npy or .dmat file

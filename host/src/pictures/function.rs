@@ -80,33 +80,42 @@ const WORDS: [u8; 3] = [0xe9, 0xec, 0xf0];
 /// No more names than this fit beside a picture.
 const MOST_NAMES: usize = 40;
 
-/// Draws functions on their meshes, from left to right, and writes a PNG.
+/// Draws functions on their meshes, from left to right in rows of this many, and writes a PNG.
 pub fn write_function_pictures(
     overwrite: Overwrite,
     path: &Path,
     pictures: &[FunctionPicture],
+    per_row: usize,
 ) -> Result<DrawnBy, Failure> {
     let failed = |e: RenderError| Failure::not_converged(format!("{}: {e}", path.display()), "");
     let mut drawn = Vec::with_capacity(pictures.len());
     let mut drawn_by = None;
     for picture in pictures {
-        let (made, by) = draw_function(picture, size_of_each(pictures.len()), path)?;
+        let (made, by) = draw_function(picture, size_of_each(per_row), path)?;
         drawn.push(made);
         drawn_by = Some(by);
     }
     let nothing = || Failure::input(format!("{}: there is nothing to draw", path.display()), "");
-    let whole = beside(&drawn).ok_or_else(nothing)?;
+    let whole = in_rows(&drawn, per_row).ok_or_else(nothing)?;
     overwrite.write(path, &armature_render::encode_png(&whole).map_err(failed)?)?;
     drawn_by.ok_or_else(nothing)
 }
 
-/// Pixels across and down of each of this many pictures.
-fn size_of_each(count: usize) -> [u32; 2] {
-    match count {
+/// Pixels across and down of each of this many pictures in a row.
+fn size_of_each(per_row: usize) -> [u32; 2] {
+    match per_row {
         0 | 1 => View::default().size,
         2 => [800, 800],
         _ => [480, 480],
     }
+}
+
+/// Pictures of one size in full rows.
+fn in_rows(pictures: &[Picture], per_row: usize) -> Option<Picture> {
+    let rows: Vec<Picture> = pictures.chunks(per_row.max(1)).map(beside).collect::<Option<_>>()?;
+    let width = rows.first()?.width;
+    let height = rows.iter().map(|row| row.height).sum();
+    Some(Picture { width, height, rgba: rows.into_iter().flat_map(|row| row.rgba).collect() })
 }
 
 /// Pictures of one height, from left to right.
@@ -305,5 +314,7 @@ mod tests {
         assert_eq!(both.rgba[..12], [1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2]);
         assert_eq!(both.rgba[12..], both.rgba[..12]);
         assert!(beside(&[]).is_none());
+        let four = in_rows(&[of(1, 1), of(2, 1), of(3, 1), of(4, 1)], 2).unwrap();
+        assert_eq!((four.width, four.height, four.rgba[0], four.rgba[4], four.rgba[16]), (2, 4, 1, 2, 3));
     }
 }

@@ -38,7 +38,7 @@ pub fn write_weight_picture(overwrite: Overwrite, path: &Path, picture: &WeightP
         let legend = names.iter().enumerate().map(|(handle, name)| (swatch(handle), name.clone())).collect();
         (Shown::Colors(&colors), "", legend)
     };
-    write_function_pictures(overwrite, path, &[FunctionPicture { mesh, shown, title, legend: &legend, extrema }])
+    write_function_pictures(overwrite, path, &[FunctionPicture { mesh, shown, title, legend: &legend, extrema }], 1)
 }
 
 /// The colour of a handle: hues by the golden ratio, so that neighbours differ, in three strengths.

@@ -60,10 +60,15 @@ fn extrema_of_weights_are_counted_and_monotone_ones_have_none() {
         let alone = told(&["--method", "monotone", "--order", order, "--no-normalize"]);
         assert_eq!((count(&alone, "computed"), &alone["scaled"]), (0, &Value::Null), "{alone}");
     }
+    let together = told(&["--method", "monotone-exact"]);
+    assert_eq!((count(&together, "computed"), &together["scaled"]), (0, &Value::Null), "{together}");
     let heat = told(&["--method", "heat"]);
     assert!(heat["computed"]["count"].is_u64() && heat["scaled"].is_null(), "{heat}");
     let words = place.done(&["weights", "propeller.obj", "--handles", "points.tgf", "--on", "surface", "-o", "w.npy"]);
     assert!(words.out.contains("spurious extrema, where no handle holds the shape: "), "{words:?}");
+    let words = [&usual[..6], &["--method", "monotone-exact", "--force"]].concat();
+    let words = place.done(&words[..]);
+    assert!(words.out.contains("all handles together: converged after "), "{words:?}");
     place.fails(2, "--order", &["weights", "propeller.obj", "--handles", "points.tgf", "--order", "3", "-o", "n.npy"]);
 }
 
@@ -126,6 +131,16 @@ fn noise_goes_and_exactly_the_chosen_extrema_stay() {
     }
     let words = place.done(&[&usual[..], &["--keep", "3", "-o", "words.npy"]].concat());
     assert!(words.out.contains("minima kept") && words.out.contains("converged"), "{words:?}");
+    // Distances along the shape from the bar's end: longest at a tip of the rod, and without other extrema.
+    let far = place.done(&["smooth", "shape.obj", "--geodesic", "0", "--keep", "2", "-o", "far.npy", "--json"]);
+    let far = json(&far.out);
+    let kept = far["columns"][0]["kept"].as_array().unwrap();
+    let straight = |one: &Value| one["place"][0].as_f64().unwrap().hypot(one["place"][1].as_f64().unwrap());
+    assert!(
+        kept.iter().any(|one| one["kind"] == "maximum" && one["value"].as_f64().unwrap() >= straight(one)),
+        "{far}"
+    );
+    place.fails(3, "--geodesic names", &["smooth", "shape.obj", "--geodesic", "99999", "--keep", "2", "-o", "n.npy"]);
     // Bad input.
     let mut nan = values.clone();
     nan[7] = f64::NAN;

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use armature_character::handle_weights::{
     BiharmonicTier, DomainKind, HandlePlace, HandleShape, HandleWeights, HandleWeightsError, HandleWeightsSettings,
-    Held, Partition, WeightsOn, handle_weights,
+    Held, Partition, WeightMethod, WeightsOn, handle_weights,
 };
 use armature_geometry::{TetrahedralMesh, TriangleMesh};
 use armature_weights::handles::FREE_NEAR_JOINTS;
@@ -25,6 +25,7 @@ fn weights(
 ) -> Result<HandleWeights, HandleWeightsError> {
     let on = if tetrahedra.is_some() { WeightsOn::OwnElements } else { WeightsOn::Volume { vertices: 1200 } };
     let settings = HandleWeightsSettings {
+        method: WeightMethod::BoundedBiharmonic,
         tier: BiharmonicTier::Certified,
         on,
         partition: Partition::Normalised,

@@ -4,8 +4,8 @@
 use std::ops::ControlFlow;
 
 use armature_character::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsError, HandleWeightsSettings, Held, MonotoneHandleWeights,
-    Partition, WeightsOn, monotone_handle_weights,
+    BiharmonicTier, Certificates, HandlePlace, HandleShape, HandleWeights, HandleWeightsError, HandleWeightsSettings,
+    Held, Partition, WeightMethod, WeightsOn, handle_weights,
 };
 use armature_geometry::TriangleMesh;
 
@@ -17,29 +17,31 @@ fn bar() -> TriangleMesh {
     TriangleMesh { vertices, triangles: [sides, more].concat() }
 }
 
-fn solve(heights: &[f64], order: usize, partition: Partition) -> Result<MonotoneHandleWeights, HandleWeightsError> {
+fn solve(heights: &[f64], order: usize, partition: Partition) -> Result<HandleWeights, HandleWeightsError> {
     let point = |y: &f64| HandleShape { name: format!("at {y}"), place: HandlePlace::Point([0.5, *y, 0.5]) };
     let shapes: Vec<HandleShape> = heights.iter().map(point).collect();
     let settings = HandleWeightsSettings {
+        method: WeightMethod::Monotone { order },
         tier: BiharmonicTier::Interactive,
         on: WeightsOn::Volume { vertices: 600 },
         partition,
         joint_release: 0.0,
     };
     let held = Held::Shapes { shapes: &shapes, cage: &[] };
-    monotone_handle_weights(&bar(), None, held, &settings, order, &mut |_, _| ControlFlow::Continue(()))
+    handle_weights(&bar(), None, held, &settings, &mut |_, _| ControlFlow::Continue(()))
 }
 
 #[test]
 fn points_in_a_bar_have_weights_without_extrema_of_their_own() {
     for order in 2..=3 {
         let made = solve(&[0.6, 2.0, 3.4], order, Partition::Normalised).unwrap();
-        for report in made.reports.iter().flatten() {
+        let Certificates::Monotone(reports) = &made.certificates else { panic!("{:?}", made.certificates) };
+        for report in reports.iter().flatten() {
             println!("order {order}: {report:?}");
             assert_eq!(report.spurious, 0);
             assert!(report.slack >= 0.0 && report.margin > 0.0);
         }
-        assert_eq!(made.reports.iter().flatten().count(), 3);
+        assert_eq!(reports.iter().flatten().count(), 3);
         for vertex in 0..8 {
             let sum: f64 = made.weights.vertex(vertex).sum();
             assert!((sum - 1.0).abs() < 1e-12, "{sum}");
@@ -50,6 +52,18 @@ fn points_in_a_bar_have_weights_without_extrema_of_their_own() {
     }
     let left = solve(&[0.6, 3.4], 2, Partition::Left).unwrap();
     assert!(left.normalisation.is_none() && left.unconverged() == 0);
+}
+
+#[test]
+fn points_solved_together_need_no_scaling() {
+    let made = solve(&[0.6, 2.0, 3.4], 2, Partition::Exact).unwrap();
+    let Certificates::MonotoneTogether(report) = &made.certificates else { panic!("{:?}", made.certificates) };
+    println!("{report:?}");
+    assert!(made.converged() && made.normalisation.is_none() && report.largest_sum_error < 1e-15);
+    assert!(made.spurious.scaled.is_none() && made.spurious.computed.iter().all(Vec::is_empty));
+    for vertex in 0..8 {
+        assert!((made.weights.vertex(vertex).sum::<f64>() - 1.0).abs() < 1e-12);
+    }
 }
 
 #[test]

@@ -41,6 +41,8 @@
 //! | [`endpoints`] | [`endpoint_weights`](endpoints::endpoint_weights), [`joint_weights`](endpoints::joint_weights), [`projected_endpoint_weights`](endpoints::projected_endpoint_weights): for bones that stretch and twist |
 //! | [`harmonic`] | [`harmonic_function`](harmonic::harmonic_function), [`positive_conductances`](harmonic::positive_conductances) |
 //! | [`extrema`] | [`local_extrema`](extrema::local_extrema), [`spurious_extrema`](extrema::spurious_extrema), [`persistence`](extrema::persistence), [`order_with_extrema`](extrema::order_with_extrema) |
+//! | [`quadratic`] | [`constrained_minimum`](quadratic::constrained_minimum): any quadratic energy under linear equalities and inequalities |
+//! | [`geodesic`] | [`geodesic_distance`](geodesic::geodesic_distance): along a surface |
 //! | [`additional`] | [`additional_weights`](additional::additional_weights): further functions for reduced deformations |
 //!
 //! This crate does no I/O, reads no clock and prints nothing. Long computations report the current stage, in a few
@@ -56,11 +58,13 @@ pub mod extrema;
 pub mod finish;
 mod function_domain;
 mod gather_reports;
+pub mod geodesic;
 pub mod handles;
 pub mod harmonic;
 pub mod heat;
 pub mod monotone;
 mod progress;
+pub mod quadratic;
 mod sparse;
 pub mod transfer;
 mod weight_matrix;

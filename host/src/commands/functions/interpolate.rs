@@ -3,13 +3,11 @@
 use armature_formats::tables::NumberTable;
 use armature_geometry::TriangleMesh;
 use armature_weights::FunctionDomain;
-use armature_weights::monotone::{
-    MonotoneInterpolation, MonotoneOutcome, MonotoneProblem, MonotoneReport, monotone_interpolation,
-};
+use armature_weights::monotone::{MonotoneInterpolation, MonotoneProblem, monotone_interpolation};
 use serde_json::{Value, json};
 
 use super::value_sources::read_value_sources;
-use super::{domain_name, domain_of, failure, outcome, settings};
+use super::{all_converged, domain_name, domain_of, failure, report_json, settings};
 use crate::cli::function_args::InterpolateArgs;
 use crate::failure::Failure;
 use crate::files::tables::table_writer;
@@ -51,31 +49,17 @@ pub fn interpolate(args: &InterpolateArgs, talk: Talk) -> Result<(), Failure> {
             counted(made.reports.len(), "monotone function", "monotone functions"),
         );
         let worst = made.reports.iter().map(|report| report.error_bound).fold(0.0, f64::max);
-        let late = made.reports.iter().filter(|report| report.outcome != MonotoneOutcome::Converged).count();
         out!("  no blending value farther than {worst:.1e} from the best that rises along the same edges");
         let most = made.spurious.iter().flatten().map(|one| one.persistence).fold(0.0, f64::max);
         let how_much = if most > 0.0 { format!(" (up to {most:.1e} from their saddles)") } else { String::new() };
         out!("  spurious extrema of the result, away from what is given: {}{how_much}", grouped(spurious(&made)));
-        if late > 0 {
-            out!("  {} of them did not converge", grouped(late));
-        }
         if !made.unreached.is_empty() {
             let unreached = counted(made.unreached.len(), "vertex is", "vertices are");
             aside!("note: {unreached} in pieces of the mesh without a given value, and zero");
         }
     }
     draw(args, &model.mesh, &domain, (&made, &columns), talk)?;
-    match made.reports.iter().filter(|report| report.outcome != MonotoneOutcome::Converged).count() {
-        0 => Ok(()),
-        late => Err(Failure::not_converged(
-            format!(
-                "{}: {} did not converge; the best found were written",
-                args.values.display(),
-                counted(late, "function", "functions")
-            ),
-            "the report says how far off they can be; repair slivers of the mesh, or use a lower --order",
-        )),
-    }
+    all_converged(&args.values, &made.reports)
 }
 
 fn spurious(made: &MonotoneInterpolation) -> usize {
@@ -89,24 +73,13 @@ fn told_json(
     on: &str,
     seconds: f64,
 ) -> Value {
-    let function = |report: &MonotoneReport| {
-        json!({
-            "energy": report.energy,
-            "energies": report.energies,
-            "gap": report.gap,
-            "error_bound": report.error_bound,
-            "energy_of_repair": report.repair,
-            "steps": report.steps,
-            "outcome": outcome(report.outcome),
-        })
-    };
     json!({
         "file": args.output.display().to_string(),
         "domain": on,
         "domain_vertices": domain.vertices.len(),
         "flat_elements": domain.degenerate,
         "order": args.solver.order,
-        "functions": made.reports.iter().map(function).collect::<Vec<_>>(),
+        "functions": made.reports.iter().map(report_json).collect::<Vec<_>>(),
         "spurious_extrema": spurious(made),
         "unreached_vertices": made.unreached.len(),
         "seconds": seconds,
@@ -141,7 +114,7 @@ fn draw(
         [] => return Ok(()),
     };
     let picture = FunctionPicture { mesh, shown, title: "", legend: &[], extrema: &dots };
-    let by = write_function_pictures(args.overwrite, path, &[picture])?;
+    let by = write_function_pictures(args.overwrite, path, &[picture], 1)?;
     if !talk.quiet && !args.json {
         out!("{}: {by}", path.display());
     }

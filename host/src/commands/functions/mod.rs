@@ -11,10 +11,12 @@ use std::path::Path;
 
 use armature_formats::model::Model;
 use armature_weights::FunctionDomain;
-use armature_weights::monotone::{MonotoneError, MonotoneOutcome, MonotoneSettings};
+use armature_weights::monotone::{MonotoneError, MonotoneOutcome, MonotoneReport, MonotoneSettings};
+use serde_json::{Value, json};
 
 use crate::cli::function_args::SolverArgs;
 use crate::failure::Failure;
+use crate::terminal::counted;
 
 /// The mesh's tetrahedra if it has any, its triangles otherwise.
 fn domain_of(path: &Path, model: &Model) -> Result<FunctionDomain, Failure> {
@@ -40,6 +42,34 @@ fn outcome(outcome: MonotoneOutcome) -> &'static str {
     match outcome {
         MonotoneOutcome::Converged => "converged",
         MonotoneOutcome::LimitReached => "limit reached",
+    }
+}
+
+/// What both commands say of a function.
+fn report_json(report: &MonotoneReport) -> Value {
+    json!({
+        "energy": report.energy,
+        "energies": report.energies,
+        "gap": report.gap,
+        "error_bound": report.error_bound,
+        "energy_of_repair": report.repair,
+        "steps": report.steps,
+        "outcome": outcome(report.outcome),
+    })
+}
+
+/// A failure if some function is not as good as requested; `path` is the file with its values.
+fn all_converged<'a>(path: &Path, reports: impl IntoIterator<Item = &'a MonotoneReport>) -> Result<(), Failure> {
+    match reports.into_iter().filter(|report| report.outcome != MonotoneOutcome::Converged).count() {
+        0 => Ok(()),
+        late => Err(Failure::not_converged(
+            format!(
+                "{}: {} did not converge; the best found were written",
+                path.display(),
+                counted(late, "function", "functions")
+            ),
+            "the report says how far off they can be; repair slivers of the mesh, or use a lower --order",
+        )),
     }
 }
 

@@ -1,14 +1,17 @@
 //! `armature smooth`
 
+use std::path::Path;
+
 use armature_formats::model::Model;
 use armature_formats::tables::NumberTable;
 use armature_geometry::TriangleMesh;
 use armature_weights::FunctionDomain;
 use armature_weights::extrema::{PersistentExtremum, persistence};
-use armature_weights::monotone::{Data, Keep, MonotoneOutcome, MonotoneProblem, Smoothed, smooth_keeping};
+use armature_weights::geodesic::geodesic_distance;
+use armature_weights::monotone::{Data, Keep, MonotoneProblem, Smoothed, smooth_keeping};
 use serde_json::{Value, json};
 
-use super::{domain_name, domain_of, failure, outcome, settings};
+use super::{all_converged, domain_name, domain_of, failure, outcome, report_json, settings};
 use crate::cli::function_args::{DETAIL_EDGES, SmoothArgs};
 use crate::failure::Failure;
 use crate::files::inputs;
@@ -29,14 +32,17 @@ pub fn smooth(args: &SmoothArgs, talk: Talk) -> Result<(), Failure> {
     let start = std::time::Instant::now();
     let bar = Bar::new(talk, "reading the mesh").until_interrupted();
     let model = inputs::model(&args.mesh)?;
-    let table = read_data(args, &model)?;
+    let domain = domain_of(&args.mesh, &model)?;
+    let table = match &args.data {
+        Some(path) => read_data(path, &model)?,
+        None => distances(args, &model, &domain)?,
+    };
     if args.picture.is_some() && !(1..=table.columns).contains(&args.picture_of) {
         return Err(Failure::usage(
             format!("there is no column {}", args.picture_of),
-            format!("{} has {}", args.data.display(), counted(table.columns, "column", "columns")),
+            format!("{} has {}", args.source().display(), counted(table.columns, "column", "columns")),
         ));
     }
-    let domain = domain_of(&args.mesh, &model)?;
     let detail = args.detail.unwrap_or(DETAIL_EDGES * domain.mean_edge());
     if detail <= 0.0 {
         return Err(Failure::input(
@@ -63,22 +69,12 @@ pub fn smooth(args: &SmoothArgs, talk: Talk) -> Result<(), Failure> {
         told.say();
     }
     draw(args, &model.mesh, &domain, &columns, talk)?;
-    match columns.iter().filter(|(made, _)| made.function.report.outcome != MonotoneOutcome::Converged).count() {
-        0 => Ok(()),
-        late => Err(Failure::not_converged(
-            format!(
-                "{}: {} did not converge; the best found were written",
-                args.data.display(),
-                counted(late, "function", "functions")
-            ),
-            "the report says how far off they can be; repair slivers of the mesh, or use a lower --order",
-        )),
-    }
+    all_converged(args.source(), columns.iter().map(|(made, _)| &made.function.report))
 }
 
-fn read_data(args: &SmoothArgs, model: &Model) -> Result<NumberTable, Failure> {
-    let table = read_table(&args.data)?;
-    let bad = |what: String, remedy: &str| Failure::input(format!("{}: {what}", args.data.display()), remedy);
+fn read_data(path: &Path, model: &Model) -> Result<NumberTable, Failure> {
+    let table = read_table(path)?;
+    let bad = |what: String, remedy: &str| Failure::input(format!("{}: {what}", path.display()), remedy);
     let n = model.mesh.vertices.len();
     if table.rows != n || table.columns == 0 {
         let what = format!("{} × {} numbers for {}", table.rows, table.columns, counted(n, "vertex", "vertices"));
@@ -93,6 +89,35 @@ fn read_data(args: &SmoothArgs, model: &Model) -> Result<NumberTable, Failure> {
     }
 }
 
+/// Distances along the surface from the vertices that are asked for.
+fn distances(args: &SmoothArgs, model: &Model, domain: &FunctionDomain) -> Result<NumberTable, Failure> {
+    let bad = |what: String, remedy: &str| Failure::input(format!("{}: {what}", args.mesh.display()), remedy);
+    if model.tetrahedra.is_some() {
+        return Err(bad("distances are measured along a surface".into(), "give a mesh of triangles"));
+    }
+    let rows = domain.vertex_of.len();
+    let here = |&vertex: &usize| domain.vertex_of.get(vertex).map(|&welded| welded as usize);
+    let sources: Option<Vec<usize>> = args.geodesic.iter().map(here).collect();
+    let no_vertex = || {
+        let what = "--geodesic names a vertex that does not exist".to_owned();
+        bad(what, &format!("vertices are numbered from 0 to {}", rows.saturating_sub(1)))
+    };
+    let sources = sources.ok_or_else(no_vertex)?;
+    let corners = model.mesh.triangles.iter().map(|corners| corners.map(|v| domain.vertex_of[v as usize]));
+    let triangles = corners.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    let welded = TriangleMesh { vertices: domain.vertices.clone(), triangles };
+    let values = geodesic_distance(&welded, &sources).map_err(|e| bad(e.to_string(), ""))?;
+    // Vertices in no triangle have no distance, and play no part.
+    let far = (0..values.len()).find(|&vertex| values[vertex].is_infinite() && domain.mass[vertex] > 0.0);
+    if let Some(vertex) = far {
+        let [x, y, z] = domain.vertices[vertex];
+        let what = format!("the piece of the mesh around ({x}, {y}, {z}) has none of the vertices of --geodesic");
+        return Err(bad(what, "name a vertex in each piece, or take the piece out of the mesh"));
+    }
+    let values: Vec<f64> = values.into_iter().map(|value| if value.is_finite() { value } else { 0.0 }).collect();
+    Ok(NumberTable { rows, columns: 1, values: domain.spread(&values) })
+}
+
 fn smoothed(
     args: &SmoothArgs,
     domain: &FunctionDomain,
@@ -105,7 +130,7 @@ fn smoothed(
     let problem = MonotoneProblem { neighbours, laplacian, mass, order, blend: None, data: None };
     let data = Data { values, fidelity: Data::fidelity_for(detail, order) };
     smooth_keeping(&problem, data, keep, &settings(args.solver), progress).map_err(|e| {
-        failure(&args.data, &e, "keep more extrema, or fewer, so that every piece of the mesh has both kinds")
+        failure(args.source(), &e, "keep more extrema, or fewer, so that every piece of the mesh has both kinds")
     })
 }
 
@@ -161,19 +186,12 @@ impl Told<'_> {
                     "persistence": one.persistence,
                 })
             });
-            json!({
-                "extrema_before": column.0.before,
-                "kept": kept.collect::<Vec<_>>(),
-                "spurious_extrema": report.spurious,
-                "largest_change": largest_change(column),
-                "energy": report.energy,
-                "energies": report.energies,
-                "gap": report.gap,
-                "error_bound": report.error_bound,
-                "energy_of_repair": report.repair,
-                "steps": report.steps,
-                "outcome": outcome(report.outcome),
-            })
+            let mut told = report_json(report);
+            told["extrema_before"] = json!(column.0.before);
+            told["kept"] = json!(kept.collect::<Vec<_>>());
+            told["spurious_extrema"] = json!(report.spurious);
+            told["largest_change"] = json!(largest_change(column));
+            told
         };
         json!({
             "file": self.args.output.display().to_string(),
@@ -199,7 +217,7 @@ fn draw(
     let (made, data) = &columns[args.picture_of - 1];
     let range = [f64::min, f64::max].map(|pick| data.iter().copied().reduce(pick).unwrap_or(0.0));
     let dots = |values: &[f64]| -> Result<Vec<Dot>, Failure> {
-        let all = persistence(&domain.neighbours, values).map_err(|e| failure(&args.data, &e.into(), ""))?;
+        let all = persistence(&domain.neighbours, values).map_err(|e| failure(args.source(), &e.into(), ""))?;
         let dot = |one: &PersistentExtremum| Dot { place: domain.vertices[one.vertex], is_minimum: one.is_minimum };
         Ok(all.iter().map(dot).collect())
     };
@@ -210,7 +228,7 @@ fn draw(
         FunctionPicture { mesh, shown, title, legend: &[], extrema }
     };
     let both = [picture(&before, "data", &dots_before[..]), picture(&after, "smoothed", &dots_after)];
-    let by = write_function_pictures(args.overwrite, path, &both)?;
+    let by = write_function_pictures(args.overwrite, path, &both, 2)?;
     if !talk.quiet && !args.json {
         out!("{}: {by}", path.display());
     }

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use armature_character::handle_weights::{
-    HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, MonotoneHandleWeights, SpuriousExtrema,
-    SpuriousExtremum, WeightsOn, handle_weights, monotone_handle_weights, surface_extrema,
+    HandlePlace, HandleShape, HandleWeights, HandleWeightsSettings, Held, SpuriousExtrema, SpuriousExtremum, WeightsOn,
+    handle_weights, surface_extrema,
 };
 use armature_formats::model::Model;
 use armature_formats::tables::NumberTable;
@@ -16,7 +16,7 @@ use armature_weights::heat::{BoneHeat, BoneHeatError, BoneHeatSettings, bone_hea
 use armature_weights::{BoneSegment, WeightMatrix};
 
 pub(super) use self::report::problem_words;
-use self::report::{say_biharmonic, say_heat, say_monotone};
+use self::report::{say_heat, say_solved};
 use crate::characters::{self, volumes::check_fit};
 use crate::cli::weight_args::{HandleMethod, WeightsArgs};
 use crate::failure::Failure;
@@ -24,7 +24,7 @@ use crate::files::tables::{read_table, table_writer};
 use crate::files::{self, inputs};
 use crate::pictures::function::Dot;
 use crate::pictures::weights::{WeightPicture, handle_of, write_weight_picture};
-use crate::terminal::{Bar, Talk, aside, grouped, out};
+use crate::terminal::{Bar, Talk, aside, out};
 
 /// Computes the weights of handles, writes them, and reports their quality.
 pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
@@ -51,8 +51,7 @@ pub fn weights(args: &WeightsArgs, talk: Talk) -> Result<(), Failure> {
         .write(&args.output, &write(&NumberTable { rows: weights.vertices(), columns: weights.bones(), values }))?;
     let seconds = start.elapsed().as_secs_f64();
     match &made {
-        Made::Biharmonic(made) => say_biharmonic(args, made, &names, talk, seconds),
-        Made::Monotone(made) => say_monotone(args, made, &names, talk, seconds),
+        Made::Solved(made) => say_solved(args, made, &names, talk, seconds),
         Made::Heat(made, spurious) => say_heat(args, (made, spurious), &names, talk, seconds),
     }
     if let Some(path) = &args.picture {
@@ -159,16 +158,14 @@ fn read_boundary(fixed_file: &Path, given_file: &Path, model: &Model) -> Result<
 
 /// Weights by any method.
 enum Made {
-    Biharmonic(Box<HandleWeights>),
-    Monotone(Box<MonotoneHandleWeights>),
+    Solved(Box<HandleWeights>),
     Heat(Box<BoneHeat>, SpuriousExtrema),
 }
 
 impl Made {
     fn weights(&self) -> &WeightMatrix {
         match self {
-            Self::Biharmonic(made) => &made.weights,
-            Self::Monotone(made) => &made.weights,
+            Self::Solved(made) => &made.weights,
             Self::Heat(made, _) => &made.weights,
         }
     }
@@ -176,8 +173,7 @@ impl Made {
     /// Spurious extrema of the written weights of one handle, or of all.
     fn dots(&self, of: Option<usize>) -> Vec<Dot> {
         let spurious = match self {
-            Self::Biharmonic(made) => &made.spurious,
-            Self::Monotone(made) => &made.spurious,
+            Self::Solved(made) => &made.spurious,
             Self::Heat(_, spurious) => spurious,
         };
         let shown = spurious.last().iter().enumerate().filter(|(handle, _)| of.is_none_or(|of| of == *handle));
@@ -188,15 +184,11 @@ impl Made {
     /// What did not become as accurate as requested; `None` if everything did.
     fn shortfall(&self) -> Option<String> {
         match self {
-            Self::Biharmonic(made) if !made.converged() => Some(match &made.together {
-                Some(report) => {
-                    format!("all handles solved together did not converge in {} steps", grouped(report.steps))
-                }
-                None => format!("the weights of {} handles did not converge", made.unconverged()),
+            Self::Solved(made) if !made.converged() => Some(if made.certificates.together() {
+                "all handles solved together did not converge".to_owned()
+            } else {
+                format!("the weights of {} handles did not converge", made.unconverged())
             }),
-            Self::Monotone(made) if made.unconverged() > 0 => {
-                Some(format!("the weights of {} handles did not converge", made.unconverged()))
-            }
             _ => None,
         }
     }
@@ -208,7 +200,7 @@ fn compute(
     held: &OwnedHeld,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Made, Failure> {
-    args.order.refuse_unless(args.method == HandleMethod::Monotone)?;
+    args.order.refuse_unless(matches!(args.method, HandleMethod::Monotone | HandleMethod::MonotoneExact))?;
     if args.method == HandleMethod::Heat {
         let made = compute_heat(args, model, held, progress)?;
         let spurious = surface_extrema(&model.mesh, &made.weights);
@@ -229,16 +221,10 @@ fn compute(
     };
     let partition = args.method.partition(args.no_normalize);
     let joint_release = args.release.share();
-    let settings = HandleWeightsSettings { tier: args.method.tier(), on, partition, joint_release };
-    if args.method == HandleMethod::Monotone {
-        let order = usize::from(args.order.order());
-        let made = monotone_handle_weights(&model.mesh, model.tetrahedra.as_ref(), held, &settings, order, progress);
-        return made
-            .map(|made| Made::Monotone(Box::new(made)))
-            .map_err(|e| characters::weights_failure(&args.mesh, &e));
-    }
+    let method = args.method.of_order(args.order.order());
+    let settings = HandleWeightsSettings { method, tier: args.method.tier(), on, partition, joint_release };
     let made = handle_weights(&model.mesh, model.tetrahedra.as_ref(), held, &settings, progress);
-    made.map(|made| Made::Biharmonic(Box::new(made))).map_err(|e| characters::weights_failure(&args.mesh, &e))
+    made.map(|made| Made::Solved(Box::new(made))).map_err(|e| characters::weights_failure(&args.mesh, &e))
 }
 
 fn compute_heat(

@@ -12,8 +12,8 @@ use super::misfit::Misfit;
 use super::settings::{BindMethod, BindSettings};
 use crate::character::{HeatRecord, MonotoneRecord, SolvedRecord, WeightsRecord};
 use crate::handle_weights::{
-    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, SpuriousExtrema, handle_weights,
-    monotone_handle_weights,
+    BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, SpuriousExtrema, WeightMethod,
+    handle_weights,
 };
 use crate::progress::Progress;
 
@@ -134,7 +134,12 @@ fn smooth_weights(
         HandleShape { name: bones.name(bone).to_owned(), place: HandlePlace::Segments(all.collect()) }
     };
     let shapes: Vec<HandleShape> = bones.bones.iter().zip(&bones.segments).map(shape).collect();
+    let method = match monotone {
+        None => WeightMethod::BoundedBiharmonic,
+        Some(order) => WeightMethod::Monotone { order: usize::from(order) },
+    };
     let how = HandleWeightsSettings {
+        method,
         tier,
         on: settings.on,
         partition: Partition::Normalised,
@@ -142,29 +147,18 @@ fn smooth_weights(
     };
     let held = Held::Shapes { shapes: &shapes, cage: &[] };
     let mut told = |stage: &'static str, done: f64| progress(stage, 0.02 + 0.92 * done.clamp(0.0, 1.0));
-    let (weights, warnings, spurious, made) = if let Some(order) = monotone {
-        let made = monotone_handle_weights(mesh, None, held, &how, usize::from(order), &mut told)?;
-        let certificate = (made.error_bound(), made.energy(), made.unconverged());
-        let domain = (made.domain, made.domain_vertices, made.flat_elements);
-        (made.weights, made.warnings, made.spurious, (domain, certificate, made.normalisation))
-    } else {
-        let made = handle_weights(mesh, None, held, &how, &mut told)?;
-        let certificate = (made.error_bound(), made.energy(), made.unconverged());
-        let domain = (made.domain, made.domain_vertices, made.flat_elements);
-        (made.weights, made.warnings, made.spurious, (domain, certificate, made.normalisation))
-    };
-    let ((domain, domain_vertices, flat_elements), (error_bound, energy, unconverged), normalisation) = made;
-    let (influences, sparse) = sparsify(&weights, settings.max_influences, &bones.bones, bones.skeleton.len())?;
+    let made = handle_weights(mesh, None, held, &how, &mut told)?;
+    let (influences, sparse) = sparsify(&made.weights, settings.max_influences, &bones.bones, bones.skeleton.len())?;
     let solved = SolvedRecord {
         tier,
-        domain,
-        domain_vertices,
+        domain: made.domain,
+        domain_vertices: made.domain_vertices,
         joint_release: settings.joint_release,
-        flat_elements: Some(flat_elements),
-        error_bound,
-        energy,
-        unconverged,
-        largest_deviation: normalisation.map_or(0.0, |n| n.largest_deviation),
+        flat_elements: Some(made.flat_elements),
+        error_bound: made.error_bound(),
+        energy: made.energy(),
+        unconverged: made.unconverged(),
+        largest_deviation: made.normalisation.as_ref().map_or(0.0, |n| n.largest_deviation),
         max_influences: settings.max_influences,
         max_dropped: sparse.max_dropped,
         mean_dropped: sparse.mean_dropped,
@@ -172,11 +166,11 @@ fn smooth_weights(
     let record = match monotone {
         None => WeightsRecord::Biharmonic(solved),
         Some(order) => {
-            let spurious = SpuriousExtrema::total(spurious.last()).0;
+            let spurious = SpuriousExtrema::total(made.spurious.last()).0;
             WeightsRecord::Monotone(MonotoneRecord { order, spurious, solved })
         }
     };
-    let warnings = bones.warnings.iter().cloned().chain(warnings).collect();
+    let warnings = bones.warnings.iter().cloned().chain(made.warnings).collect();
     Ok((BoneWeights { influences, record, warnings }, sparse))
 }
 

@@ -57,10 +57,10 @@ pub enum HandleWeightsError {
     Handles(#[from] HandleError),
     /// The weights could not be computed.
     #[error(transparent)]
-    Biharmonic(#[from] BiharmonicError),
+    Biharmonic(BiharmonicError),
     /// Monotone weights could not be computed.
     #[error(transparent)]
-    Monotone(#[from] MonotoneError),
+    Monotone(MonotoneError),
     /// Extrema of the weights could not be counted.
     #[error(transparent)]
     Extrema(#[from] ExtremaError),
@@ -70,4 +70,22 @@ pub enum HandleWeightsError {
         /// What was being done.
         stage: &'static str,
     },
+}
+
+impl From<BiharmonicError> for HandleWeightsError {
+    fn from(error: BiharmonicError) -> Self {
+        match error {
+            BiharmonicError::Cancelled { stage } => Self::Cancelled { stage },
+            other => Self::Biharmonic(other),
+        }
+    }
+}
+
+impl From<MonotoneError> for HandleWeightsError {
+    fn from(error: MonotoneError) -> Self {
+        match error {
+            MonotoneError::Cancelled { stage } => Self::Cancelled { stage },
+            other => Self::Monotone(other),
+        }
+    }
 }

@@ -1,12 +1,13 @@
-//! Bounded biharmonic weights of handles ([`handle_weights`]), and monotone ones ([`monotone_handle_weights`]): computed on
-//! a volume, transferred to the surface, with their certificates, their spurious extrema and warnings.
+//! Weights of handles ([`handle_weights`]), bounded biharmonic or monotone: computed on a volume, transferred to the surface,
+//! with their certificates, their spurious extrema and warnings.
 //!
 //! Two points in a box, with weights on the volume that the box encloses:
 //!
 //! ```
 //! use std::ops::ControlFlow;
 //! use armature_character::handle_weights::{
-//!     BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightsOn, handle_weights,
+//!     BiharmonicTier, HandlePlace, HandleShape, HandleWeightsSettings, Held, Partition, WeightMethod, WeightsOn,
+//!     handle_weights,
 //! };
 //! use armature_geometry::TriangleMesh;
 //!
@@ -17,6 +18,7 @@
 //! let point = |y| HandleShape { name: format!("at {y}"), place: HandlePlace::Point([0.5, y, 0.5]) };
 //! let held = Held::Shapes { shapes: &[point(0.5), point(3.5)], cage: &[] };
 //! let settings = HandleWeightsSettings {
+//!     method: WeightMethod::BoundedBiharmonic,
 //!     tier: BiharmonicTier::Interactive,
 //!     on: WeightsOn::Volume { vertices: 300 },
 //!     partition: Partition::Normalised,
@@ -33,7 +35,6 @@ mod domain;
 mod error;
 mod handle;
 mod hold_vertices;
-mod monotone;
 mod outcome;
 mod settings;
 mod spurious;
@@ -43,8 +44,7 @@ mod weights;
 pub use domain::FLAT;
 pub use error::HandleWeightsError;
 pub use handle::{HandlePlace, HandleShape, Held};
-pub use monotone::{MonotoneHandleWeights, monotone_handle_weights};
-pub use outcome::HandleWeights;
-pub use settings::{BiharmonicTier, DomainKind, HandleWeightsSettings, Partition, WeightsOn};
+pub use outcome::{Certificates, HandleWeights};
+pub use settings::{BiharmonicTier, DomainKind, HandleWeightsSettings, Partition, WeightMethod, WeightsOn};
 pub use spurious::{SpuriousExtrema, SpuriousExtremum, surface_extrema};
 pub use weights::handle_weights;

@@ -2,7 +2,7 @@
 
 use armature_weights::biharmonic::BiharmonicSettings;
 
-/// How accurate bounded biharmonic weights must be.
+/// How accurate weights must be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BiharmonicTier {
     /// Within 2e-3 of the optimal ones: the difference is not visible in any deformation.
@@ -34,9 +34,24 @@ pub enum Partition {
     Exact,
 }
 
+/// Which weights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum WeightMethod {
+    /// Bounded biharmonic weights.
+    #[default]
+    BoundedBiharmonic,
+    /// Monotone weights (thesis chapter 5), without extrema of their own.
+    Monotone {
+        /// Order of smoothness, 2 to 4.
+        order: usize,
+    },
+}
+
 /// What to compute.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleWeightsSettings {
+    /// Which weights.
+    pub method: WeightMethod,
     /// How accurate.
     pub tier: BiharmonicTier,
     /// On what.

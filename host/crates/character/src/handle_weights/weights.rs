@@ -1,32 +1,33 @@
-//! Bounded biharmonic weights of handles for the vertices of a mesh: computed on a volume, transferred to the surface,
-//! with their certificates and warnings.
+//! Weights of handles for the vertices of a mesh: computed on a volume, transferred to the surface, with their
+//! certificates and warnings.
 
 use armature_geometry::volume::VolumeError;
 use armature_geometry::{TetrahedralMesh, TriangleMesh};
 use armature_weights::WeightMatrix;
 use armature_weights::biharmonic::{
-    BiharmonicError, BiharmonicOutcome, BiharmonicProblem, ExactPartitionReport, ExactPartitionSettings, HandleReport,
-    bounded_biharmonic_weights, exact_partition_weights,
+    BiharmonicError, BiharmonicProblem, ExactPartition, ExactPartitionSettings, bounded_biharmonic_weights,
+    exact_partition_weights,
 };
 use armature_weights::extrema::Neighbours;
 use armature_weights::finish::{follow_nearest_handle, normalise};
 use armature_weights::handles::{
     Handle, HandleBoundary, HandleError, HandleKind, MOST_FREE_NEAR_JOINTS, free_joints, handle_boundary,
 };
+use armature_weights::monotone::{MonotoneProblem, MonotoneSettings, monotone_partition, monotone_weights};
 
 use super::cage_facets::cage_facets;
 use super::domain::{WeightDomain, weight_domain};
 use super::error::HandleWeightsError;
 use super::handle::{HandlePlace, HandleShape, Held};
-use super::outcome::HandleWeights;
-use super::settings::{HandleWeightsSettings, Partition, WeightsOn};
+use super::outcome::{Certificates, HandleWeights, late};
+use super::settings::{BiharmonicTier, HandleWeightsSettings, Partition, WeightMethod, WeightsOn};
 use super::spurious::{SpuriousExtrema, spurious_of};
 use super::warnings::{Drawbacks, weight_warnings};
 use crate::progress::Progress;
 use crate::volume::MakeError;
 
 /// The volume's share of the total time.
-pub(super) const VOLUME_SHARE: f64 = 0.4;
+const VOLUME_SHARE: f64 = 0.4;
 
 /// Weights of every handle for every vertex of `surface`: the volume or other elements, the solver, pieces without a
 /// handle, normalising, and the transfer to the surface. `tetrahedra`, if the mesh has any, share the surface's
@@ -39,27 +40,24 @@ pub fn handle_weights(
     progress: Progress<'_>,
 ) -> Result<HandleWeights, HandleWeightsError> {
     let (domain, boundary, columns) = prepare(surface, tetrahedra, held, settings, progress)?;
-    let mut solved = solve(&domain, &boundary, settings, progress)?;
-    let names = held.names();
-    let followed = follow_nearest_handle(&mut solved.weights, &solved.unreached, &boundary, &domain.vertices);
     let neighbours = Neighbours::of_matrix(&domain.laplacian);
+    let names = held.names();
+    let mut solved = solve(&domain, &neighbours, &boundary, (&columns, names.len()), settings, progress)?;
+    let followed = follow_nearest_handle(&mut solved.weights, &solved.unreached, &boundary, &domain.vertices);
     let spurious = |weights: &_| spurious_of(&domain, &neighbours, &boundary, weights, (&columns, names.len()));
     let computed = spurious(&solved.weights)?;
     let normalisation = (settings.partition == Partition::Normalised).then(|| normalise(&mut solved.weights));
     let scaled = normalisation.as_ref().map(|_| spurious(&solved.weights)).transpose()?;
     let weights = whole(&domain, &solved.weights, &columns, names.len())?;
-    let mut reports = vec![None; names.len()];
-    columns.iter().zip(solved.reports).for_each(|(&column, report)| reports[column] = Some(report));
     let followed: Vec<usize> = followed.into_iter().map(|handle| columns[handle]).collect();
-    let late = reports.iter().flatten().filter(|report| report.outcome != BiharmonicOutcome::Converged);
-    let unconverged = late.fold((0, 0.0), |(count, worst), r| (count + 1, f64::max(worst, r.error_bound)));
+    // Of handles solved together the caller tells.
+    let unconverged = if solved.certificates.together() { (0, 0.0) } else { late(&solved.certificates) };
     let drawbacks = Drawbacks::find(&domain, &weights, unconverged, &solved.unreached, &followed);
     Ok(HandleWeights {
         warnings: weight_warnings(&drawbacks, &names),
         idle: drawbacks.idle,
         weights,
-        reports,
-        together: solved.together,
+        certificates: solved.certificates,
         normalisation,
         spurious: SpuriousExtrema { computed, scaled },
         domain: domain.kind,
@@ -71,7 +69,7 @@ pub fn handle_weights(
 
 /// The elements to compute on, what is fixed there, and which handles the columns of that belong to; the others hold
 /// nothing.
-pub(super) fn prepare(
+fn prepare(
     surface: &TriangleMesh,
     tetrahedra: Option<&TetrahedralMesh>,
     held: Held<'_>,
@@ -152,47 +150,63 @@ fn boundary_of(
     Ok((boundary, columns))
 }
 
-/// Weights on the domain, with either kind of certificate.
+/// Weights on the domain, with their certificates.
 struct Solved {
     weights: WeightMatrix,
-    reports: Vec<HandleReport>,
-    together: Option<ExactPartitionReport>,
+    certificates: Certificates,
     unreached: Vec<Vec<usize>>,
 }
 
+/// `columns` say which of all handles those of the boundary are.
 fn solve(
     domain: &WeightDomain,
+    neighbours: &Neighbours,
     boundary: &HandleBoundary,
+    (columns, handles): (&[usize], usize),
     settings: &HandleWeightsSettings,
     progress: Progress<'_>,
 ) -> Result<Solved, HandleWeightsError> {
-    let problem = BiharmonicProblem::new(&domain.laplacian, &domain.mass, boundary);
     let mut told = |stage: &'static str, done: f64| progress(stage, VOLUME_SHARE + (1.0 - VOLUME_SHARE) * done);
-    let solved = if settings.partition == Partition::Exact {
-        let error_bound = settings.tier.settings().error_bound;
-        let how = ExactPartitionSettings { error_bound, ..ExactPartitionSettings::default() };
-        exact_partition_weights(&problem, &how, &mut told).map(|exact| Solved {
-            weights: exact.weights,
-            reports: Vec::new(),
-            together: Some(exact.report),
-            unreached: exact.unreached,
-        })
-    } else {
-        bounded_biharmonic_weights(&problem, &settings.tier.settings(), &mut told).map(|alone| Solved {
-            weights: alone.weights,
-            reports: alone.reports,
-            together: None,
-            unreached: alone.unreached,
-        })
-    };
-    solved.map_err(|error| match error {
-        BiharmonicError::Cancelled { stage } => HandleWeightsError::Cancelled { stage },
-        other => HandleWeightsError::Biharmonic(other),
-    })
+    match settings.method {
+        WeightMethod::BoundedBiharmonic => {
+            let problem = BiharmonicProblem::new(&domain.laplacian, &domain.mass, boundary);
+            if settings.partition == Partition::Exact {
+                let error_bound = settings.tier.settings().error_bound;
+                let how = ExactPartitionSettings { error_bound, ..ExactPartitionSettings::default() };
+                let ExactPartition { weights, report, unreached } = exact_partition_weights(&problem, &how, &mut told)?;
+                return Ok(Solved { weights, certificates: Certificates::BoundedTogether(report), unreached });
+            }
+            let alone = bounded_biharmonic_weights(&problem, &settings.tier.settings(), &mut told)?;
+            let certificates = Certificates::Bounded(by_handle(alone.reports, columns, handles));
+            Ok(Solved { weights: alone.weights, certificates, unreached: alone.unreached })
+        }
+        WeightMethod::Monotone { order } => {
+            let WeightDomain { laplacian, mass, .. } = domain;
+            let problem = MonotoneProblem { neighbours, laplacian, mass, order, blend: None, data: None };
+            let how = match settings.tier {
+                BiharmonicTier::Interactive => MonotoneSettings::default(),
+                BiharmonicTier::Certified => MonotoneSettings::certified(),
+            };
+            if settings.partition == Partition::Exact {
+                let made = monotone_partition(&problem, boundary, &how, &mut told)?;
+                let certificates = Certificates::MonotoneTogether(Box::new(made.report));
+                return Ok(Solved { weights: made.weights, certificates, unreached: made.unreached });
+            }
+            let alone = monotone_weights(&problem, boundary, &how, &mut told)?;
+            let certificates = Certificates::Monotone(by_handle(alone.reports, columns, handles));
+            Ok(Solved { weights: alone.weights, certificates, unreached: alone.unreached })
+        }
+    }
+}
+
+fn by_handle<R: Clone>(reports: Vec<R>, columns: &[usize], handles: usize) -> Vec<Option<R>> {
+    let mut all = vec![None; handles];
+    columns.iter().zip(reports).for_each(|(&handle, report)| all[handle] = Some(report));
+    all
 }
 
 /// The weights of the surface's vertices, with a column of zeros for every handle that holds nothing.
-pub(super) fn whole(
+fn whole(
     domain: &WeightDomain,
     solved: &WeightMatrix,
     columns: &[usize],

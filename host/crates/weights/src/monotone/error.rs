@@ -3,6 +3,7 @@
 use crate::extrema::ExtremaError;
 use crate::harmonic::HarmonicError;
 use crate::progress::Stopped;
+use crate::quadratic::QuadraticError;
 use crate::sparse::cholesky::CholeskyError;
 
 /// Why a monotone function cannot be computed.
@@ -49,6 +50,17 @@ pub enum MonotoneError {
         /// Its value.
         upper_value: f64,
     },
+    /// Weights that are to sum to one are given where they do not.
+    #[error("the weights given at vertex {vertex} sum to {sum}, and weights solved together must sum to one")]
+    NoPartition {
+        /// The vertex.
+        vertex: usize,
+        /// The sum.
+        sum: f64,
+    },
+    /// The problem of all handles together is malformed.
+    #[error(transparent)]
+    Quadratic(QuadraticError),
     /// A threshold that no minimum or no maximum passes.
     #[error("no minimum or no maximum would be kept; the most persistent ones differ by {most} from their saddles")]
     NothingKept {

@@ -105,9 +105,9 @@ pub fn interior_point(problem: &ConicProblem) -> Result<ConicSolution, ConicErro
     let cones = [ZeroConeT(rows + fixed.len()), NonnegativeConeT(rising.len()), SecondOrderConeT(rows + 2)];
     let settings = DefaultSettingsBuilder::default()
         .verbose(false)
-        .tol_gap_abs(1e-10)
-        .tol_gap_rel(1e-10)
-        .tol_feas(1e-10)
+        .tol_gap_abs(1e-11)
+        .tol_gap_rel(1e-11)
+        .tol_feas(1e-11)
         .build()
         .map_err(|error| ConicError(error.to_string()))?;
     let none = CscMatrix::zeros((v + 1, v + 1));

@@ -3,7 +3,7 @@
 //! else. Bounded weights may still rise and fall again far from their handle; these do not.
 //!
 //! - [`monotone_functions`] takes any prescribed values, an order of smoothness, and optionally data to stay close to;
-//! - [`monotone_weights`] takes handles;
+//! - [`monotone_weights`] takes handles, each alone; [`monotone_partition`] takes them together, with weights that sum to one;
 //! - [`monotone_interpolation`] spreads values and colours from points, curves and regions;
 //! - [`smooth_keeping`] smooths noisy data and keeps exactly the extrema that matter;
 //! - [`interior_point`] solves the same problem in the paper's conic form, for comparison.
@@ -39,13 +39,16 @@ mod interior_point;
 mod least_squares_form;
 mod monotone_functions;
 mod monotone_interpolation;
+mod monotone_partition;
 mod monotone_weights;
+mod partition_problem;
 mod polyharmonic;
 mod prescribed;
 mod primal_dual;
 mod problem;
 mod representative;
 mod rising_edges;
+mod shared_levels;
 mod smooth_keeping;
 
 pub use error::MonotoneError;
@@ -53,6 +56,7 @@ pub use interior_point::{ConicError, ConicOutcome, ConicProblem, ConicSolution, 
 pub use least_squares_form::least_squares_form;
 pub use monotone_functions::{MonotoneFunction, MonotoneOutcome, MonotoneReport, MonotoneSettings, monotone_functions};
 pub use monotone_interpolation::{MonotoneInterpolation, ValueSource, monotone_interpolation};
+pub use monotone_partition::{MonotonePartition, MonotonePartitionReport, monotone_partition};
 pub use monotone_weights::{MonotoneWeights, monotone_weights};
 pub use prescribed::{PrescribedFunction, Role};
 pub use problem::{Data, MonotoneProblem};

@@ -253,7 +253,7 @@ fn start(
     Ok(values)
 }
 
-fn check(
+pub(super) fn check(
     problem: &MonotoneProblem<'_>,
     fixed: &[usize],
     functions: &[PrescribedFunction],

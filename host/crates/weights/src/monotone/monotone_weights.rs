@@ -29,21 +29,13 @@ pub fn monotone_weights(
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<MonotoneWeights, MonotoneError> {
     let n = problem.neighbours.vertices();
-    let wanted = held.fixed.len().saturating_mul(held.handles);
-    if held.fixed_weights.len() != wanted || held.fixed.is_empty() {
-        return Err(MonotoneError::Size {
-            what: "given weights",
-            given: held.fixed_weights.len(),
-            wanted: wanted.max(1),
-        });
-    }
+    let given = given_weights(held)?;
     let pieces = problem.neighbours.pieces();
     let mut piece_of = vec![0_usize; n];
     for (index, piece) in pieces.iter().enumerate() {
         piece.iter().for_each(|&vertex| piece_of[vertex] = index);
     }
-    let functions: Vec<PrescribedFunction> =
-        held.fixed_weights.chunks(held.fixed.len()).map(|given| in_pieces(given, &held.fixed, &piece_of)).collect();
+    let functions: Vec<PrescribedFunction> = given.map(|given| in_pieces(given, &held.fixed, &piece_of)).collect();
     let made = monotone_functions(problem, &held.fixed, &functions, settings, progress)?;
     let (columns, reports): (Vec<_>, Vec<_>) = made
         .into_iter()
@@ -55,6 +47,15 @@ pub fn monotone_weights(
     held.fixed.iter().for_each(|&vertex| has_fixed[piece_of[vertex]] = true);
     let unreached = pieces.into_iter().zip(has_fixed).filter(|(_, fixed)| !fixed).map(|(piece, _)| piece).collect();
     Ok(MonotoneWeights { weights, reports, unreached })
+}
+
+/// The given weights of each handle.
+pub(super) fn given_weights(held: &HandleBoundary) -> Result<impl Iterator<Item = &[f64]>, MonotoneError> {
+    let (given, wanted) = (held.fixed_weights.len(), held.fixed.len().saturating_mul(held.handles));
+    if given != wanted || wanted == 0 {
+        return Err(MonotoneError::Size { what: "given weights", given, wanted: wanted.max(1) });
+    }
+    Ok(held.fixed_weights.chunks(held.fixed.len()))
 }
 
 /// One handle's given weights; in each piece of the mesh the lowest are minima and the highest maxima.

@@ -3,9 +3,9 @@
 mod biharmonic;
 mod heat;
 mod monotone;
+mod solved;
 mod words;
 
-pub(super) use biharmonic::say_biharmonic;
 pub(super) use heat::say_heat;
-pub(super) use monotone::say_monotone;
+pub(super) use solved::say_solved;
 pub(in crate::commands) use words::problem_words;
