@@ -5,7 +5,7 @@ use super::polyharmonic::polyharmonic;
 use super::problem::MonotoneProblem;
 use crate::sparse::cholesky::{CholeskyError, SparseCholesky};
 use crate::sparse::inverse_diagonal::inverse_diagonal;
-use crate::sparse::symmetric::Symmetric;
+use crate::sparse::symmetric::{Symmetric, Upper};
 
 /// The place of a vertex that is not an unknown.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -24,6 +24,8 @@ pub(crate) struct MonotoneEnergy {
     pub(crate) place: Vec<u32>,
     /// `A`.
     pub(crate) hessian: Symmetric,
+    /// Its upper triangle.
+    pub(crate) upper: Upper,
     pub(crate) factor: SparseCholesky,
     /// Largest entry of the diagonal of `A⁻¹`.
     pub(crate) largest_inverse: f64,
@@ -55,7 +57,8 @@ impl MonotoneEnergy {
         let hessian = natural.permuted(&elimination);
         let factor = hessian.factorise_shifted(&[]).map_err(failed)?;
         let largest_inverse = inverse_diagonal(&factor).into_iter().fold(0.0, f64::max);
-        Ok(Self { whole, pull, constant, unknowns, place, hessian, factor, largest_inverse })
+        let upper = hessian.upper();
+        Ok(Self { whole, pull, constant, unknowns, place, hessian, upper, factor, largest_inverse })
     }
 
     /// `b` for values (n) that are zero at all unknowns.

@@ -19,8 +19,11 @@ const PATIENCE: usize = 12;
 /// A corrected step that is shorter than this is blocked: products of slacks and multipliers are too unequal.
 const BLOCKED: f64 = 0.2;
 
-/// Corrections of each solution by what is left of its equation: near the end the matrices are badly conditioned.
+/// Most corrections of a solution by what is left of its equation: near the end the matrices are badly conditioned.
 const REFINEMENTS: usize = 2;
+
+/// What is left needs no correction if it is this small a fraction of the right-hand side.
+const EXACT: f64 = 1e-11;
 
 /// Unknowns, slacks of the rises over the margin, and their multipliers.
 struct Point {
@@ -167,6 +170,10 @@ impl RisingEdges<'_> {
             let rises = self.changes(&unknowns);
             self.add_transposed(&mut left, |k| weight(k) * rises[k]);
             left.iter_mut().zip(&right).for_each(|(left, right)| *left = right - *left);
+            let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+            if largest(&left) <= EXACT * largest(&right) {
+                break;
+            }
             factor.solve_here(&mut left).map_err(failed)?;
             unknowns.iter_mut().zip(left).for_each(|(x, change)| *x += change);
         }

@@ -28,6 +28,9 @@ const PAYS: f64 = 0.5;
 /// ... and after this many of those in a row the best is all there is.
 const PATIENCE: usize = 12;
 
+/// Cheap steps hardly ever reach a relative gap below this: a few of them find a start.
+const TIGHT: f64 = 1e-6;
+
 /// Steps that the primal-dual method usually takes.
 const PRIMAL_DUAL_STEPS: f64 = 15.0;
 
@@ -85,7 +88,8 @@ impl RisingEdges<'_> {
         wanted: &Wanted,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Option<Ended>, MonotoneError> {
-        let most_steps = wanted.most_steps.min(self.worthwhile_steps());
+        let worthwhile = if wanted.relative_gap < TIGHT { 2 * ROUND } else { self.worthwhile_steps() };
+        let most_steps = wanted.most_steps.min(worthwhile);
         let Some(first) = self.solve_alternating(start, &Wanted { most_steps, ..*wanted }, go_on)? else {
             return Ok(None);
         };
@@ -230,17 +234,23 @@ impl RisingEdges<'_> {
 
     /// `A + Σ stiffness (rise)²`, factorised.
     pub(crate) fn factor(&self, stiffness: impl Fn(usize) -> f64) -> Result<SparseCholesky, MonotoneError> {
-        let mut matrix = self.energy.hessian.clone();
+        let upper = &self.energy.upper;
+        let mut values = upper.values.clone();
         for (k, &[low, high]) in self.edges.edges.iter().enumerate() {
             let stiffness = stiffness(k);
-            let [a, b] = [low, high].map(|vertex| self.energy.place[vertex as usize]);
-            let diagonal = [a, b].into_iter().filter(|place| *place != NONE).map(|k| (k, k, stiffness));
-            let both = (a != NONE && b != NONE).then_some([(a, b, -stiffness), (b, a, -stiffness)]);
-            if !matrix.add(diagonal.chain(both.into_iter().flatten())) {
-                return Err(MonotoneError::OtherMesh { a: low as usize, b: high as usize });
+            let ends = [low, high].map(|vertex| self.energy.place[vertex as usize]);
+            // The diagonal comes last in each column.
+            let unknowns = ends.into_iter().filter(|place| *place != NONE);
+            unknowns.for_each(|place| values[upper.starts[place as usize + 1] - 1] += stiffness);
+            if ends.contains(&NONE) {
+                continue;
             }
+            let [row, column] = [ends[0].min(ends[1]), ends[0].max(ends[1])].map(|place| place as usize);
+            let other_mesh = MonotoneError::OtherMesh { a: low as usize, b: high as usize };
+            values[upper.place(row, column).ok_or(other_mesh)?] -= stiffness;
         }
-        matrix.factorise_shifted(&[]).map_err(|reason| MonotoneError::Factorisation { order: self.order, reason })
+        let factor = self.energy.factor.of_same_pattern(&upper.starts, &upper.rows, &values);
+        factor.map_err(|reason| MonotoneError::Factorisation { order: self.order, reason })
     }
 
     /// The stiffness that suits unknowns with this energy.

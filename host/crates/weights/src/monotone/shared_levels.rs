@@ -57,14 +57,12 @@ pub(super) fn harmonic_levels(
         Ok(SharedLevels::of(problem.neighbours, held, &columns))
     };
     // Obtuse elements give harmonic weights extrema of their own, or cannot be factorised.
-    let good =
-        start(problem.laplacian).ok().filter(|levels| !(0..levels.classes()).any(|class| levels.is_wrong(class)));
-    let mut levels = match good {
-        Some(levels) => levels,
-        None => {
-            let positive = positive_conductances(problem.laplacian);
-            SharedLevels { raised: positive.vertices, ..start(&positive.matrix)? }
-        }
+    let is_good = |levels: &SharedLevels| !(0..levels.classes()).any(|class| levels.is_wrong(class));
+    let mut levels = if let Some(levels) = start(problem.laplacian).ok().filter(is_good) {
+        levels
+    } else {
+        let positive = positive_conductances(problem.laplacian);
+        SharedLevels { raised: positive.vertices, ..start(&positive.matrix)? }
     };
     levels.put_together();
     Ok(levels)

@@ -77,7 +77,7 @@ impl<'a> InteriorSteps<'a> {
             equalities: problem.equalities.bounds.iter().map(|bound| -bound).collect(),
             inequalities: vec![0.0; q],
         };
-        let (x, y, _) = steps.solve(&start, &vec![0.0; q])?;
+        let [x, y, _] = steps.solve(&start, &vec![0.0; q])?;
         steps.point = Point { x, y, slacks: vec![0.0; q], multipliers: vec![0.0; q] };
         Ok(steps)
     }
@@ -141,14 +141,14 @@ impl<'a> InteriorSteps<'a> {
 
     /// The Newton step that takes away `loss` of each product of slack and multiplier, and what is missed.
     fn step(&self, missed: &Missed, loss: &[f64]) -> Result<Point, QuadraticError> {
-        let (x, y, multipliers) = self.solve(missed, loss)?;
+        let [x, y, multipliers] = self.solve(missed, loss)?;
         let change = self.problem.inequalities.matrix.multiply(&x);
         // From `A_ie x + s`, which is exact where the complementarity would divide by a tiny multiplier.
         let slacks = change.iter().zip(&missed.inequalities).map(|(change, missed)| -missed - change).collect();
         Ok(Point { x, y, slacks, multipliers })
     }
 
-    fn solve(&self, missed: &Missed, loss: &[f64]) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>), QuadraticError> {
+    fn solve(&self, missed: &Missed, loss: &[f64]) -> Result<[Vec<f64>; 3], QuadraticError> {
         let (n, p) = (self.point.x.len(), self.point.y.len());
         let of_inequality = missed.inequalities.iter().zip(loss).zip(&self.point.multipliers);
         let right: Vec<f64> = (missed.gradient.iter().chain(&missed.equalities).map(|value| -value))
@@ -172,7 +172,7 @@ impl<'a> InteriorSteps<'a> {
         }
         let multipliers = solution.split_off(n + p);
         let y = solution.split_off(n);
-        Ok((solution, y, multipliers))
+        Ok([solution, y, multipliers])
     }
 
     /// The whole matrix, without regularisation, times a vector.

@@ -1,5 +1,7 @@
 //! A sparse Cholesky factorisation: analysed once, factorised once, solved for many right-hand sides.
 
+use std::sync::Arc;
+
 use armature_geometry::operators::SparseMatrix;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
@@ -23,7 +25,7 @@ const BLOCK: usize = 8;
 /// `A = L Lᵀ` under a fill-reducing permutation, for symmetric positive definite `A`.
 #[derive(Debug)]
 pub(crate) struct SparseCholesky {
-    symbolic: SymbolicCholesky<usize>,
+    symbolic: Arc<SymbolicCholesky<usize>>,
     values: Vec<f64>,
 }
 
@@ -100,6 +102,23 @@ impl SparseCholesky {
         let pattern = SymbolicSparseColMatRef::new_checked(rows, rows, matrix.starts, None, matrix.rows);
         let symbolic = factorize_symbolic_cholesky(pattern, matrix.side, ordering, CholeskySymbolicParams::default())
             .map_err(|_| out_of_memory)?;
+        Self::numeric(Arc::new(symbolic), matrix)
+    }
+
+    /// The factor of a matrix with the pattern of the one that this is the factor of, given in the same way.
+    pub(crate) fn of_same_pattern(
+        &self,
+        starts: &[usize],
+        rows: &[usize],
+        values: &[f64],
+    ) -> Result<Self, CholeskyError> {
+        Self::numeric(Arc::clone(&self.symbolic), Compressed { starts, rows, values, side: Side::Upper })
+    }
+
+    fn numeric(symbolic: Arc<SymbolicCholesky<usize>>, matrix: Compressed<'_>) -> Result<Self, CholeskyError> {
+        let rows = matrix.starts.len() - 1;
+        let out_of_memory = CholeskyError::OutOfMemory { rows };
+        let pattern = SymbolicSparseColMatRef::new_checked(rows, rows, matrix.starts, None, matrix.rows);
         let mut values = Vec::new();
         values.try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory)?;
         values.resize(symbolic.len_val(), 0.0);

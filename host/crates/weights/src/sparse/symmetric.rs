@@ -12,6 +12,22 @@ pub(crate) struct Symmetric {
     values: Vec<f64>,
 }
 
+/// The upper triangle of a symmetric matrix in compressed columns, the diagonal last in each.
+#[derive(Debug)]
+pub(crate) struct Upper {
+    pub(crate) starts: Vec<usize>,
+    pub(crate) rows: Vec<usize>,
+    pub(crate) values: Vec<f64>,
+}
+
+impl Upper {
+    /// Where an entry of the upper triangle is stored.
+    pub(crate) fn place(&self, row: usize, column: usize) -> Option<usize> {
+        let range = self.starts[column]..self.starts[column + 1];
+        self.rows[range.clone()].binary_search(&row).ok().map(|k| range.start + k)
+    }
+}
+
 /// The place of a row that is not included.
 const NONE: u32 = u32::MAX;
 
@@ -157,6 +173,12 @@ impl Symmetric {
             starts.push(rows.len());
         }
         (starts, rows, values)
+    }
+
+    /// The upper triangle.
+    pub(crate) fn upper(&self) -> Upper {
+        let (starts, rows, values) = self.upper_of(|_| true, &mut vec![NONE; self.len()]);
+        Upper { starts, rows, values }
     }
 
     /// Cholesky factor of the rows and columns in `keep`, in their present order.
