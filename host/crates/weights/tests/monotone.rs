@@ -120,7 +120,10 @@ fn horn(h: f64) -> (Shape, Vec<[f64; 3]>) {
     (Shape::solid(&mesh), vec![[0.2, 1.2, 1.2], [1.2, 1.2, 1.2], [2.2, 1.2, 1.2]])
 }
 
-fn shapes() -> [(&'static str, (Shape, Vec<[f64; 3]>)); 4] {
+/// A name, a shape, and the places of its handles.
+type Named = (&'static str, (Shape, Vec<[f64; 3]>));
+
+fn shapes() -> [Named; 4] {
     [("propeller", propeller(1.0 / 12.0)), ("cactus", cactus(0.1)), ("tail", tailed(0.2)), ("horn", horn(0.2))]
 }
 
