@@ -224,9 +224,8 @@ fn bind_failure(mesh: &Path, error: &armature_character::bind::BindError) -> Fai
         }
         BindError::Cancelled { .. } => Failure::usage(what, ""),
         BindError::Biharmonic(error) => weights_failure(mesh, error),
-        BindError::NoSuchPart { .. } | BindError::NothingToTransfer => {
-            Failure::usage(what, format!("`armature inspect {}` lists the parts", mesh.display()))
-        }
+        BindError::NoSuchPart { .. } => Failure::usage(what, "--transfer takes the name of one of these"),
+        BindError::NothingToTransfer => Failure::usage(what, "give --transfer for fewer parts"),
         BindError::Heat(_) | BindError::Sparsify(_) | BindError::Smooth(_) | BindError::Transfer(_) => {
             Failure::not_converged(
                 what,

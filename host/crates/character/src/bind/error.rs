@@ -66,7 +66,7 @@ pub enum BindError {
         names: Vec<String>,
     },
     /// Every part is to take its weights from the others.
-    #[error("no part is left to take weights from; leave one out")]
+    #[error("no part is left to take weights from")]
     NothingToTransfer,
     /// Weights could not be taken from other parts, or filled in.
     #[error(transparent)]

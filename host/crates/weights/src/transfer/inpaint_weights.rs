@@ -211,7 +211,7 @@ mod tests {
         // The middle vertex once more, for another triangle.
         let again = mesh.vertices.len() as u32;
         mesh.vertices.push(mesh.vertices[4]);
-        mesh.triangles[0] = mesh.triangles[0].map(|v| if v == 4 { again } else { v });
+        mesh.triangles[1] = mesh.triangles[1].map(|v| if v == 4 { again } else { v });
         let mut given = vec![None; mesh.vertices.len()];
         given[0] = Some(vec![(7, 1.0)]);
         let made = inpaint_weights(&mesh, &given, &mut quiet).unwrap();
