@@ -9,7 +9,7 @@ pub struct SharpCurve {
     /// starts.
     pub vertices: Vec<u32>,
     /// How the displacement changes with each unit of length away from the curve, to its left and to its right, as seen from
-    /// outside along the curve. Without them, the two sides are as flat at the curve as they can be.
+    /// outside along the curve. Without them, its Laplacian is zero at the curve, and the slopes are what follows.
     pub slopes: Option<[[f64; 3]; 2]>,
 }
 
