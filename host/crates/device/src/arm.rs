@@ -228,6 +228,9 @@ impl ServoArm {
     }
 }
 
+/// The seat of an arm whose adapter has no serial number.
+pub const NO_SEAT: u32 = 0;
+
 /// A number derived from a text that distinguishes one arm from another, such as its adapter's serial number (FNV-1a).
 pub fn seat_of(text: &str) -> u32 {
     text.bytes().fold(0x811C_9DC5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))

@@ -225,7 +225,7 @@ impl Opener {
         // One that cannot be read is not overwritten.
         let calibration_file = kept.filter(|_| matches!(calibration, Some(Ok(_))));
         let line = OpenLine {
-            doubts: doubts(&address),
+            doubts: doubts(&address, calibration.as_ref().and_then(|read| read.as_ref().ok())),
             address: address.to_string(),
             process: process.as_ref().map(SimulatedPuppet::process_id),
             began: connection.began().saturating_duration_since(self.began).as_secs_f64(),
@@ -237,8 +237,8 @@ impl Opener {
 }
 
 /// What to say of an address before anything is known of the device there.
-fn doubts(address: &DeviceAddress) -> Vec<Problem> {
-    let shared = shared_calibration(address, &|| armature_device::list_devices().devices);
+fn doubts(address: &DeviceAddress, kept: Option<&Calibration>) -> Vec<Problem> {
+    let shared = shared_calibration(address, kept, &|| armature_device::list_devices().devices);
     shared.into_iter().chain(ambiguous_link(address)).collect()
 }
 

@@ -24,7 +24,7 @@ mod settings;
 mod stream;
 mod task;
 
-pub use crate::arm::{COUNTS_PER_TURN, ServoArm, ServoJoint, ServoProtocol, UnknownArm, seat_of};
+pub use crate::arm::{COUNTS_PER_TURN, NO_SEAT, ServoArm, ServoJoint, ServoProtocol, UnknownArm, seat_of};
 pub use bus::{ReadMode, wire_bound_hertz};
 pub use packet::{PacketCounters, Status};
 pub use servo_session::ServoSession;

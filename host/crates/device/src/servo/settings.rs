@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use crate::arm::NO_SEAT;
+
 /// Whether registers that keep their value without power may be written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EepromConsent {
@@ -38,7 +40,7 @@ impl Default for ServoSettings {
             probe_every: Duration::from_millis(500),
             pause: Duration::from_secs(1),
             eeprom: EepromConsent::Never,
-            seat: 0,
+            seat: NO_SEAT,
         }
     }
 }
