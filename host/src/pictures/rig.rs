@@ -15,8 +15,8 @@ use crate::files::Overwrite;
 const SURE: [f32; 4] = [0.10, 0.72, 0.28, 0.9];
 const UNSURE: [f32; 4] = [0.92, 0.12, 0.10, 0.9];
 
-/// Draws the bones through the mesh, coloured by how sure they are, and writes a PNG. The figure looks to the viewer's
-/// left as far as it stands upright along +Y.
+/// Draws the bones through the mesh, coloured by how sure they are, and writes a PNG. The figure is seen from its front
+/// if it stands along +Y.
 pub fn write_rig_picture(
     overwrite: Overwrite,
     path: &Path,

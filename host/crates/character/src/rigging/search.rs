@@ -22,8 +22,9 @@ const NEAR_HUB: f64 = 0.07;
 const FINE_CENTRES: usize = 110;
 /// Other stances are searched through if they could cost at most this much more than the best.
 const WORTH_KNOWING: f64 = 0.4;
-/// Partial embeddings that are looked at for one stance.
+/// Partial embeddings that are looked at for one stance, and in all.
 const MOST_STEPS: usize = 3000;
+const MOST_STEPS_IN_ALL: usize = 15_000;
 
 /// Where the template is in the mesh.
 #[derive(Clone, Debug)]
@@ -77,6 +78,7 @@ pub(super) fn search(
     bounds.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut best_of: Vec<Option<Embedding>> = vec![None; turns.len()];
     let mut limit_reached = false;
+    let mut steps = 0;
     for (done, &(bound, at)) in bounds.iter().enumerate() {
         if progress(STAGE, done as f64 / bounds.len() as f64) == ControlFlow::Break(()) {
             return Err(RigError::Cancelled { stage: STAGE });
@@ -87,6 +89,10 @@ pub(super) fn search(
         let worse_than = own.min(best + WORTH_KNOWING);
         if bound >= worse_than {
             continue;
+        }
+        if steps >= MOST_STEPS_IN_ALL {
+            limit_reached = true;
+            break;
         }
         let mut descent = Descent {
             template,
@@ -100,6 +106,7 @@ pub(super) fn search(
         };
         descent.descend(&mut open.clone(), 0, 0.0);
         limit_reached |= descent.steps >= MOST_STEPS;
+        steps += descent.steps;
         if let Some((cost, choices)) = descent.found {
             let hubs = descent.costs.least(&choices).hubs;
             best_of[turn] = Some(Embedding { stance: stances[at], hubs, ends: ends(&choices), cost });
@@ -162,7 +169,8 @@ struct Descent<'a> {
 }
 
 impl Descent<'_> {
-    /// Assigns the limbs from `depth` on; `pairs` is what those before cost in pairs.
+    /// Assigns the limbs from `depth` on; `pairs` is what those before cost in pairs. The first way down takes far fewer
+    /// steps than the limit, so that something is always found.
     fn descend(&mut self, choices: &mut Vec<Choice>, depth: usize, pairs: f64) {
         let Some(&limb) = self.order.get(depth) else {
             let cost = self.costs.least(choices).cost + pairs + self.dislike;
@@ -184,7 +192,7 @@ impl Descent<'_> {
         }
         next.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (bound, with_pairs, choice) in next {
-            if bound >= self.best || self.steps >= MOST_STEPS && self.found.is_some() {
+            if bound >= self.best || self.steps >= MOST_STEPS {
                 break;
             }
             choices[limb] = choice;
