@@ -58,6 +58,19 @@ pub enum MonotoneError {
         /// The sum.
         sum: f64,
     },
+    /// Solving for so many handles together would take too long and too much memory.
+    #[error(
+        "{handles} handles on {vertices} vertices are too many to be solved together (handles times vertices may be {most} \
+         at most): use fewer, or a coarser mesh, or solve each handle alone with the method monotone"
+    )]
+    TooManyTogether {
+        /// Handles.
+        handles: usize,
+        /// Vertices.
+        vertices: usize,
+        /// The most that handles times vertices may be.
+        most: usize,
+    },
     /// The problem of all handles together is malformed.
     #[error(transparent)]
     Quadratic(QuadraticError),

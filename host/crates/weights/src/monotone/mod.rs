@@ -56,7 +56,7 @@ pub use interior_point::{ConicError, ConicOutcome, ConicProblem, ConicSolution, 
 pub use least_squares_form::least_squares_form;
 pub use monotone_functions::{MonotoneFunction, MonotoneOutcome, MonotoneReport, MonotoneSettings, monotone_functions};
 pub use monotone_interpolation::{MonotoneInterpolation, ValueSource, monotone_interpolation};
-pub use monotone_partition::{MonotonePartition, MonotonePartitionReport, monotone_partition};
+pub use monotone_partition::{MOST_TOGETHER, MonotonePartition, MonotonePartitionReport, monotone_partition};
 pub use monotone_weights::{MonotoneWeights, monotone_weights};
 pub use prescribed::{PrescribedFunction, Role};
 pub use problem::{Data, MonotoneProblem};
