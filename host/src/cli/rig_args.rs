@@ -6,6 +6,7 @@ use std::str::FromStr;
 use armature_character::rigging::RigSettings;
 use clap::Args;
 
+use super::numbers::finite;
 use crate::files::Overwrite;
 
 /// A direction in the mesh's own axes.
@@ -25,9 +26,9 @@ impl FromStr for Direction {
             "-z" => Some([0.0, 0.0, -1.0]),
             _ => None,
         };
-        let numbers: Vec<f64> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
-        let given = axis.or_else(|| <[f64; 3]>::try_from(numbers).ok());
-        let usable = |way: &[f64; 3]| way.iter().all(|n| n.is_finite()) && way.iter().any(|&n| n != 0.0);
+        let numbers = || text.split(',').map(|word| finite(word.trim()).ok()).collect::<Option<Vec<f64>>>();
+        let given = axis.or_else(|| <[f64; 3]>::try_from(numbers()?).ok());
+        let usable = |way: &[f64; 3]| way.iter().any(|&n| n != 0.0);
         given
             .filter(usable)
             .map(Self)
@@ -96,4 +97,20 @@ pub struct RigArgs {
     /// Print one JSON object instead of text
     #[arg(long)]
     pub json: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_axes_or_three_numbers_and_nothing_else() {
+        let read = |text: &str| text.parse::<Direction>().ok().map(|way| way.0);
+        assert_eq!(read("+y"), Some([0.0, 1.0, 0.0]));
+        assert_eq!(read("-z"), Some([0.0, 0.0, -1.0]));
+        assert_eq!(read("1, 0,0.5"), Some([1.0, 0.0, 0.5]));
+        for bad in ["", "w", "1,0", "0,o,1,0", "1,0,0,", "0,0,0", "nan,0,1", "1,0,inf"] {
+            assert_eq!(read(bad), None, "{bad:?}");
+        }
+    }
 }

@@ -10,6 +10,7 @@ use armature_weights::WeightMatrix;
 use super::rig::tell_doubts;
 use super::weights::problem_words;
 use crate::characters::{Given, LoadedCharacter, rigging};
+use crate::cli::rig_args::TemplateArgs;
 use crate::cli::weight_args::{BindArgs, Method};
 use crate::failure::Failure;
 use crate::files::inputs;
@@ -19,6 +20,12 @@ use crate::{characters, pictures};
 
 /// Binds a mesh to a skeleton and saves the character.
 pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
+    if args.template.is_none() && args.how != TemplateArgs::default() {
+        return Err(Failure::usage(
+            "--up, --front and --no-symmetry say how a template is fitted",
+            "leave them out, or give a --template",
+        ));
+    }
     if args.method == Method::Heat {
         args.release.refuse_for_heat()?;
     }

@@ -56,6 +56,8 @@ fn wrong_templates_files_and_directions_are_named() {
     let along = ["rig", "tube.obj", "-t", "human", "-o", "along.bvh", "--up", "y", "--front", "-y"];
     place.fails(2, "give --front across --up", &along);
     place.fails(2, "cannot be used with", &["bind", "tube.obj", "-s", "bones.tgf", "-t", "human"]);
+    place.fails(2, "give x, y, z", &["rig", "tube.obj", "-t", "human", "--front", "0,o,1,0"]);
+    place.fails(2, "--template", &["bind", "tube.obj", "-s", "bones.tgf", "--up", "z"]);
     // A tube is no human, and it is said.
     let tube = place.done(&["rig", "tube.obj", "-t", "human", "-o", "human.bvh"]);
     assert!(tube.err.contains("less than 50 % sure"), "{tube:?}");
