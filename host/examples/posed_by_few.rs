@@ -67,7 +67,7 @@ fn shared(name: &str) -> Option<Outcome<Character>> {
             model,
             b"",
             &mesh,
-            Some(characters::Given::read(&bones)?),
+            Some(characters::Given::File(&bones)),
             &BindSettings::default(),
             true,
             go_on,

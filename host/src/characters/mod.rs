@@ -152,18 +152,28 @@ fn keep(path: Option<&Path>, character: &Character) {
 }
 
 /// A skeleton to bind to.
-#[derive(Debug)]
-pub struct Given {
-    /// The bones.
-    pub skeleton: Skeleton,
-    /// What it was read from; equal bytes give equal bones.
-    pub bytes: Vec<u8>,
+#[derive(Clone, Copy, Debug)]
+pub enum Given<'a> {
+    /// A file.
+    File(&'a Path),
+    /// One that was fitted into the mesh.
+    Fitted(&'a Skeleton),
 }
 
-impl Given {
-    /// From a file.
-    pub fn read(path: &Path) -> Result<Self, Failure> {
-        Ok(Self { skeleton: inputs::skeleton(path)?, bytes: files::read(path)? })
+impl Given<'_> {
+    /// Equal bytes give equal bones.
+    fn bytes(self) -> Result<Vec<u8>, Failure> {
+        match self {
+            Self::File(path) => files::read(path),
+            Self::Fitted(skeleton) => Ok([b"fitted, version 1\n", rigging::as_bvh(skeleton)?.as_bytes()].concat()),
+        }
+    }
+
+    fn skeleton(self) -> Result<Skeleton, Failure> {
+        match self {
+            Self::File(path) => inputs::skeleton(path),
+            Self::Fitted(skeleton) => Ok(skeleton.clone()),
+        }
     }
 }
 
@@ -182,20 +192,20 @@ pub fn bind_cached(
     model: Model,
     added: &[u8],
     mesh: &Path,
-    skeleton: Option<Given>,
+    skeleton: Option<Given<'_>>,
     settings: &BindSettings,
     use_cache: bool,
     progress: Progress,
 ) -> Result<Bound, Failure> {
     let mut mesh_bytes = files::read(mesh)?;
     mesh_bytes.extend_from_slice(added);
-    let skeleton_bytes = skeleton.as_ref().map_or(&[][..], |given| &given.bytes);
-    let key = cache_key_of(&model, &mesh_bytes, skeleton_bytes, settings);
+    let skeleton_bytes = skeleton.map(Given::bytes).transpose()?;
+    let key = cache_key_of(&model, &mesh_bytes, skeleton_bytes.as_deref().unwrap_or_default(), settings);
     let cached = cache_folder().map(|folder| folder.join(format!("{key}.armature")));
     if let Some(character) = cached.as_deref().filter(|_| use_cache).and_then(read_cached) {
         return Ok(Bound { character, from_cache: true });
     }
-    let given = skeleton.map(|given| given.skeleton);
+    let given = skeleton.map(Given::skeleton).transpose()?;
     let character =
         armature_character::bind::bind(model, given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
     keep(cached.as_deref(), &character);

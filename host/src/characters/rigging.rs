@@ -8,7 +8,6 @@ use armature_formats::motion::write_bvh;
 use armature_geometry::TriangleMesh;
 use armature_rig::{Motion, Skeleton};
 
-use super::Given;
 use crate::failure::Failure;
 use crate::files::{self, inputs};
 
@@ -70,11 +69,4 @@ pub fn as_bvh(skeleton: &Skeleton) -> Result<String, Failure> {
     };
     let motion = Motion::new(skeleton.clone(), FRAME_SECONDS, vec![skeleton.rest_pose()]).map_err(|e| defect(&e))?;
     write_bvh(&motion).map_err(|e| defect(&e))
-}
-
-/// A fitted skeleton to bind to, as if it came from a file.
-pub fn as_given(fit: &Fit) -> Result<Given, Failure> {
-    let mut bytes = b"fitted, version 1\n".to_vec();
-    bytes.extend_from_slice(as_bvh(&fit.skeleton)?.as_bytes());
-    Ok(Given { skeleton: fit.skeleton.clone(), bytes })
 }

@@ -74,9 +74,9 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
                 ));
             }
             let found = rigging::fitted(&args.mesh, &model.mesh, template, &args.how.settings(), &mut bar.stages())?;
-            Some(rigging::as_given(fit.insert(found))?)
+            Some(Given::Fitted(&fit.insert(found).skeleton))
         }
-        (Some(path), None) => Some(Given::read(path)?),
+        (Some(path), None) => Some(Given::File(path)),
         (None, None) => None,
     };
     let added: &[u8] = if args.fill_holes { b"holes filled, version 1" } else { b"" };
