@@ -10,6 +10,7 @@ use armature_render::{Alpha, Map, Material, MeshPart, Picture, Wrap, decode_pict
 use armature_rig::Skeleton;
 
 use crate::failure::Failure;
+use crate::files::grey_maps::LARGEST_TEXTURE_SIDE;
 
 /// A character ready to be posed, or a bare skeleton.
 ///
@@ -39,9 +40,6 @@ pub struct Shape {
     /// Materials with their images decoded.
     pub materials: Vec<Material>,
 }
-
-/// A larger texture is a mistake and would only fill memory.
-const LARGEST_TEXTURE_SIDE: u32 = 16_384;
 
 impl Shape {
     /// Vertex triples, counter-clockwise from outside.

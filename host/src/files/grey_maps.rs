@@ -6,7 +6,7 @@ use armature_formats::model::{GreyMaps, Model, Texture};
 use armature_render::{Picture, decode_picture, encode_png};
 
 /// A larger image is a mistake and would only fill memory.
-const LARGEST_SIDE: u32 = 16_384;
+pub const LARGEST_TEXTURE_SIDE: u32 = 16_384;
 
 /// Makes the metallic-roughness maps of a model's materials. What cannot be used becomes a warning, and the material keeps
 /// its number.
@@ -15,7 +15,7 @@ pub fn join_grey_maps(model: &mut Model) {
         let Some(material) = model.materials.get_mut(grey.material as usize) else { continue };
         let mut decoded = |texture: &Option<Arc<Texture>>, kind: &str| {
             let texture = texture.as_ref()?;
-            let picture = decode_picture(&texture.bytes, LARGEST_SIDE);
+            let picture = decode_picture(&texture.bytes, LARGEST_TEXTURE_SIDE);
             picture
                 .inspect_err(|reason| {
                     model.warnings.push(format!("The {kind} map of {:?} is not used: {reason}.", material.name));

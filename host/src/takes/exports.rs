@@ -5,7 +5,6 @@ use std::ops::ControlFlow;
 
 use armature_character::Character;
 use armature_formats::fbx::FbxNotes;
-use armature_formats::gltf::GlbMesh;
 use armature_formats::motion::{KeyInterpolation, annotate_clips};
 use armature_take::{
     Edited, ExportError, ExportSettings, FrameRate, KeyReport, Surface, Take, TakeMotion, Timecode, bvh_of,
@@ -200,21 +199,7 @@ fn is_spline(settings: &ExportSettings) -> bool {
 
 /// The character's mesh and how it follows the bones.
 fn surface_of(c: &Character) -> Surface<'_> {
-    Surface {
-        skeleton: &c.skeleton,
-        mesh: GlbMesh {
-            mesh: &c.surface.mesh,
-            split: None,
-            normals: Some(&c.surface.normals),
-            texture_coordinates: c.surface.texture_coordinates.as_deref(),
-            vertex_colors: c.surface.vertex_colors.as_deref(),
-            influences: Some(&c.surface.influences),
-            parts: &c.surface.parts,
-            morph_targets: &c.surface.morph_targets,
-            skins: &c.skins,
-            materials: &c.materials,
-        },
-    }
+    Surface { skeleton: &c.skeleton, mesh: c.glb_mesh() }
 }
 
 /// What a file says of its first frame.

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use armature_character::bind::BindSettings;
+use armature_formats::model::Model;
 use armature_formats::read_model;
 use armature_rig::Motion;
 use armature_take::Take;
@@ -43,19 +44,21 @@ fn run(command: &mut Command) -> String {
     said
 }
 
-/// A model as a character: with its own rig, or bound to the skeleton beside it.
-fn opened(file: &Path) -> armature_character::Character {
+fn model_of(file: &Path) -> Model {
     let beside = |name: &str| std::fs::read(file.with_file_name(name)).map_err(|error| format!("{name}: {error}"));
-    let model = read_model(&file.display().to_string(), &std::fs::read(file).unwrap(), &beside).unwrap();
+    read_model(&file.display().to_string(), &std::fs::read(file).unwrap(), &beside).unwrap()
+}
+
+/// A model with a rig as a character.
+fn opened(file: &Path) -> armature_character::Character {
     let settings = BindSettings::default();
-    armature_character::bind::bind(model, None, &settings, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap()
+    armature_character::bind::bind(model_of(file), None, &settings, &mut |_, _| std::ops::ControlFlow::Continue(()))
+        .unwrap()
 }
 
 /// A chain of three bones through the longest side of a model without a rig.
 fn bones_through(file: &Path) -> String {
-    let beside = |name: &str| std::fs::read(file.with_file_name(name)).map_err(|error| format!("{name}: {error}"));
-    let model = read_model(&file.display().to_string(), &std::fs::read(file).unwrap(), &beside).unwrap();
-    let (low, high) = model.mesh.bounds().unwrap();
+    let (low, high) = model_of(file).mesh.bounds().unwrap();
     let sides: Vec<f64> = (0..3).map(|k| high[k] - low[k]).collect();
     let longest = (0..3).max_by(|&a, &b| sides[a].total_cmp(&sides[b])).unwrap();
     let node = |number: usize| {

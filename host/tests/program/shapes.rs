@@ -15,18 +15,8 @@ fn puffed_hand() -> (Character, Vec<u8>) {
     let positions: Vec<[f32; 3]> = surface.normals.iter().map(|normal| normal.map(|c| 0.02 * c)).collect();
     surface.morph_targets =
         vec![MorphTarget { name: "puff".into(), default_weight: 0.25, positions, ..MorphTarget::default() }];
-    let mesh = GlbMesh {
-        mesh: &surface.mesh,
-        split: None,
-        normals: Some(&surface.normals),
-        texture_coordinates: None,
-        vertex_colors: None,
-        influences: Some(&surface.influences),
-        parts: &surface.parts,
-        morph_targets: &surface.morph_targets,
-        skins: &[],
-        materials: &[Material { metallic: 1.0, roughness: 0.3, ..hand.materials[0].clone() }],
-    };
+    let materials = [Material { metallic: 1.0, roughness: 0.3, ..hand.materials[0].clone() }];
+    let mesh = GlbMesh { materials: &materials, ..hand.glb_mesh() };
     let scene = GlbScene { name: "hand", skeleton: &hand.skeleton, mesh: Some(mesh), clips: Vec::new() };
     let file = write_glb(&scene).unwrap();
     (hand, file)

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use armature_deform::skin::bones::{BoneBinding, unit_normal};
 use armature_deform::skin::{LinearBlendSkin, MorphOffsets, Morphs, SkinError};
+use armature_formats::gltf::GlbMesh;
 use armature_formats::model::{Avatar, Material, MeshPart, MorphTarget, PartError, Skin, check_parts};
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::Skeleton;
@@ -167,6 +168,23 @@ impl Character {
         let Surface { mesh, parts, morph_targets, .. } = &*self.surface;
         let counts = [self.materials.len(), self.skins.len()];
         check_parts(parts, morph_targets, mesh.vertices.len(), &mesh.triangles, counts)
+    }
+
+    /// Its meshes, how they follow the bones, and its materials, to be written to a file.
+    pub fn glb_mesh(&self) -> GlbMesh<'_> {
+        let surface = &*self.surface;
+        GlbMesh {
+            mesh: &surface.mesh,
+            split: None,
+            normals: Some(&surface.normals),
+            texture_coordinates: surface.texture_coordinates.as_deref(),
+            vertex_colors: surface.vertex_colors.as_deref(),
+            influences: Some(&surface.influences),
+            parts: &surface.parts,
+            morph_targets: &surface.morph_targets,
+            skins: &self.skins,
+            materials: &self.materials,
+        }
     }
 
     /// The character prepared for skinning every frame.

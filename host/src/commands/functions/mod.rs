@@ -38,7 +38,7 @@ fn settings(solver: SolverArgs) -> MonotoneSettings {
     MonotoneSettings { convexifications: solver.convexify, ..MonotoneSettings::default() }
 }
 
-fn outcome(outcome: MonotoneOutcome) -> &'static str {
+pub(super) fn outcome(outcome: MonotoneOutcome) -> &'static str {
     match outcome {
         MonotoneOutcome::Converged => "converged",
         MonotoneOutcome::LimitReached => "limit reached",

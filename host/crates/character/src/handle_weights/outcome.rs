@@ -60,6 +60,12 @@ impl Certificates {
         }
     }
 
+    /// How many are not as good as requested, and the largest error bound of these.
+    pub(super) fn late(&self) -> (usize, f64) {
+        let late = self.all().into_iter().filter(|(.., converged)| !converged);
+        late.fold((0, 0.0), |(count, worst), (error_bound, ..)| (count + 1, f64::max(worst, error_bound)))
+    }
+
     /// Whether all handles were solved together.
     pub fn together(&self) -> bool {
         matches!(self, Self::BoundedTogether(_) | Self::MonotoneTogether(_))
@@ -80,21 +86,11 @@ impl HandleWeights {
 
     /// Handles that were solved separately and whose weights are not as good as requested.
     pub fn unconverged(&self) -> usize {
-        if self.certificates.together() { 0 } else { self.late().0 }
+        if self.certificates.together() { 0 } else { self.certificates.late().0 }
     }
 
     /// Whether all weights are as good as requested.
     pub fn converged(&self) -> bool {
-        self.late().0 == 0
+        self.certificates.late().0 == 0
     }
-
-    fn late(&self) -> (usize, f64) {
-        late(&self.certificates)
-    }
-}
-
-/// How many certificates are not as good as requested, and their largest error bound.
-pub(super) fn late(certificates: &Certificates) -> (usize, f64) {
-    let late = certificates.all().into_iter().filter(|(.., converged)| !converged);
-    late.fold((0, 0.0), |(count, worst), (error_bound, ..)| (count + 1, f64::max(worst, error_bound)))
 }

@@ -19,7 +19,7 @@ use super::cage_facets::cage_facets;
 use super::domain::{WeightDomain, weight_domain};
 use super::error::HandleWeightsError;
 use super::handle::{HandlePlace, HandleShape, Held};
-use super::outcome::{Certificates, HandleWeights, late};
+use super::outcome::{Certificates, HandleWeights};
 use super::settings::{BiharmonicTier, HandleWeightsSettings, Partition, WeightMethod, WeightsOn};
 use super::spurious::{SpuriousExtrema, spurious_of};
 use super::warnings::{Drawbacks, weight_warnings};
@@ -51,7 +51,7 @@ pub fn handle_weights(
     let weights = whole(&domain, &solved.weights, &columns, names.len())?;
     let followed: Vec<usize> = followed.into_iter().map(|handle| columns[handle]).collect();
     // Of handles solved together the caller tells.
-    let unconverged = if solved.certificates.together() { (0, 0.0) } else { late(&solved.certificates) };
+    let unconverged = if solved.certificates.together() { (0, 0.0) } else { solved.certificates.late() };
     let drawbacks = Drawbacks::find(&domain, &weights, unconverged, &solved.unreached, &followed);
     Ok(HandleWeights {
         warnings: weight_warnings(&drawbacks, &names),

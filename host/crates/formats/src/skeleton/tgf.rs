@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use armature_rig::Skeleton;
-use glam::Vec3;
 
 use crate::FormatError;
 use crate::text::{count, decode, numbered_lines, numbers, quoted};
@@ -91,8 +90,8 @@ pub fn read_tgf(bytes: &[u8]) -> Result<TgfGraph, FormatError> {
     Ok(graph)
 }
 
-/// Writes a skeleton's rest pose: a joint for the head of every bone and for the tail of every bone without children,
-/// and an edge from each to its parent's. The format has no names.
+/// Writes a skeleton's rest pose: its [joints](Skeleton::rest_joints), and an edge to each from that of the bone it hangs
+/// on. The format has no names.
 ///
 /// ```
 /// use armature_formats::skeleton::{read_tgf, write_tgf};
@@ -104,14 +103,7 @@ pub fn read_tgf(bytes: &[u8]) -> Result<TgfGraph, FormatError> {
 /// # Ok::<(), armature_formats::FormatError>(())
 /// ```
 pub fn write_tgf(skeleton: &Skeleton) -> String {
-    let mut joints: Vec<(Vec3, Option<usize>)> = Vec::new();
-    let segments = skeleton.rest_segments();
-    joints.extend(skeleton.bones().iter().zip(&segments).map(|(bone, segment)| (segment.0, bone.parent)));
-    for (bone, (head, tail)) in segments.iter().enumerate() {
-        if skeleton.children(bone).next().is_none() && head != tail {
-            joints.push((*tail, Some(bone)));
-        }
-    }
+    let joints = skeleton.rest_joints();
     let mut text = String::new();
     for (index, (at, _)) in joints.iter().enumerate() {
         let _ = writeln!(text, "{} {} {} {}", index + 1, at.x, at.y, at.z);

@@ -132,6 +132,17 @@ impl Skeleton {
         frames.iter().zip(&self.bones).map(|(m, b)| (m.translation.into(), m.transform_point3(b.tail))).collect()
     }
 
+    /// Where bones meet and end in the rest pose, in model space, each with the bone it hangs on: the head of every bone,
+    /// in their order and with its parent, then the tail of every bone with a length and without children.
+    pub fn rest_joints(&self) -> Vec<(Vec3, Option<usize>)> {
+        let segments = self.rest_segments();
+        let heads = self.bones.iter().zip(&segments).map(|(bone, (head, _))| (*head, bone.parent));
+        let is_end =
+            |&(bone, (head, tail)): &(usize, &(Vec3, Vec3))| self.children(bone).next().is_none() && head != tail;
+        let ends = segments.iter().enumerate().filter(is_end).map(|(bone, (_, tail))| (*tail, Some(bone)));
+        heads.chain(ends).collect()
+    }
+
     /// `bone_from_joint`: the frame in which a joint that drives this bone turns.
     ///
     /// A joint's +Y (its twist axis) runs along the bone; its +X (its bend axis) is horizontal and perpendicular to

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use super::error::MonotoneError;
 use super::monotone_functions::{MonotoneOutcome, MonotoneSettings, check};
 use super::monotone_weights::given_weights;
-use super::partition_problem::{Found, PartitionProblem};
+use super::partition_problem::{Found, PartitionProblem, SOLVING};
 use super::prescribed::PrescribedFunction;
 use super::problem::MonotoneProblem;
 use super::shared_levels::{SharedLevels, harmonic_levels};
@@ -61,8 +61,6 @@ pub struct MonotonePartition {
 
 /// Handles times vertices that are solved together at most: three handles on 4,000 vertices take about a minute.
 pub const MOST_TOGETHER: usize = 40_000;
-
-const SOLVING: &str = "solving for all handles together";
 
 /// Computes the weights of all handles together: smoothest among those that sum to one, are as given at the fixed
 /// vertices, and rise and fall, each handle's, where its harmonic weights do. The data term of `problem` is not used.

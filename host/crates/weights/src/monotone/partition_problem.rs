@@ -30,6 +30,9 @@ const GRAIN: f64 = f64::EPSILON;
 /// What the solver is asked for, relative to the energy: its last steps are its fastest, and the error bound needs them.
 const GAP: f64 = 1e-10;
 
+/// What is being done.
+pub(super) const SOLVING: &str = "solving for all handles together";
+
 /// All handles' weights for one set of directed edges.
 pub(super) struct PartitionProblem<'a> {
     held: &'a HandleBoundary,
@@ -122,7 +125,7 @@ impl<'a> PartitionProblem<'a> {
         };
         let solved = constrained_minimum(&self.quadratic(), &how, &mut |_, done| progress(done));
         let solved = solved.map_err(|error| match error {
-            QuadraticError::Cancelled { .. } => MonotoneError::Cancelled { stage: "solving for all handles together" },
+            QuadraticError::Cancelled { .. } => MonotoneError::Cancelled { stage: SOLVING },
             QuadraticError::Factorisation(reason) => MonotoneError::Factorisation { order: self.order, reason },
             other => MonotoneError::Quadratic(other),
         })?;

@@ -1,7 +1,9 @@
 //! What is said of monotone weights.
 
-use armature_weights::monotone::{MonotoneOutcome, MonotonePartitionReport, MonotoneReport};
+use armature_weights::monotone::{MonotonePartitionReport, MonotoneReport};
 use serde_json::{Value, json};
+
+use crate::commands::functions::outcome;
 
 /// A handle's line in the table.
 pub(super) fn monotone_line(name: &str, report: &MonotoneReport) -> String {
@@ -11,15 +13,8 @@ pub(super) fn monotone_line(name: &str, report: &MonotoneReport) -> String {
         report.margin + report.slack,
         report.repair,
         report.error_bound,
-        monotone_outcome(report.outcome),
+        outcome(report.outcome),
     )
-}
-
-pub(super) fn monotone_outcome(outcome: MonotoneOutcome) -> &'static str {
-    match outcome {
-        MonotoneOutcome::Converged => "converged",
-        MonotoneOutcome::LimitReached => "limit reached",
-    }
 }
 
 pub(super) fn monotone_json(report: &MonotoneReport) -> Value {
@@ -37,7 +32,7 @@ pub(super) fn monotone_json(report: &MonotoneReport) -> Value {
         "steps": report.steps,
         "spurious_extrema": report.spurious,
         "energies": report.energies,
-        "outcome": monotone_outcome(report.outcome),
+        "outcome": outcome(report.outcome),
     })
 }
 
@@ -53,6 +48,6 @@ pub(super) fn monotone_together_json(report: &MonotonePartitionReport) -> Value 
         "raised_vertices": report.raised,
         "energies": report.energies,
         "largest_sum_error": report.largest_sum_error,
-        "outcome": monotone_outcome(report.outcome),
+        "outcome": outcome(report.outcome),
     })
 }

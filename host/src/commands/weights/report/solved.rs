@@ -4,9 +4,10 @@ use armature_character::handle_weights::{Certificates, HandleWeights};
 use serde_json::{Value, json};
 
 use super::biharmonic::{bounded_json, bounded_line, bounded_together_json, outcome};
-use super::monotone::{monotone_json, monotone_line, monotone_outcome, monotone_together_json};
+use super::monotone::{monotone_json, monotone_line, monotone_together_json};
 use super::words::{HELD, domain_name, extrema_json, extrema_words, problem_json, problem_words};
 use crate::cli::weight_args::WeightsArgs;
+use crate::commands::functions;
 use crate::terminal::{Talk, aside, counted, grouped, out};
 
 /// Bounded biharmonic or monotone weights, handle by handle or together.
@@ -54,7 +55,7 @@ pub(in crate::commands::weights) fn say_solved(
             "the best one that rises along the same edges"
         }
         Certificates::MonotoneTogether(report) => {
-            say_together(monotone_outcome(report.outcome), report.steps, report.largest_sum_error);
+            say_together(functions::outcome(report.outcome), report.steps, report.largest_sum_error);
             if report.flattened > 0 {
                 let flat = counted(report.flattened, "vertex", "vertices");
                 out!("  weights of {flat} are those of a neighbour: all are equal there to the last digits");
