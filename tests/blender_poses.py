@@ -73,7 +73,7 @@ def check(bpy, numpy, path):
         same = [index for _, index, _ in tree.find_range(ours[0, vertex], TOLERANCE * size)]
         if not same:
             return float("inf"), f"vertex {vertex} at {ours[0, vertex]} is nowhere"
-        off = max_over_frames = numpy.zeros(len(same))
+        max_over_frames = numpy.zeros(len(same))
         for k in range(len(frames)):
             off = numpy.linalg.norm(theirs[k][same] - ours[k, vertex], axis=1)
             max_over_frames = numpy.maximum(max_over_frames, off)

@@ -21,8 +21,8 @@ use crate::progress::Progress;
 /// `settings.replace_rig` is set; materials are always kept. Without a rig the weights are computed; with `replace_rig`
 /// and no `skeleton` given, the model's own skeleton is used with new weights. Bones without length (hubs) get no
 /// weight. Of a rigged model, what comes without weights gets some if `settings.bind_unbound` is set, and parts named in
-/// `settings.transfer` take theirs from the others. `progress` receives the current stage and the fraction of the whole that is done, 0 to 1 and never falling;
-/// it may stop the work at any report.
+/// `settings.transfer` take theirs from the others. `progress` receives the current stage and the fraction of the whole
+/// that is done, 0 to 1 and never falling; it may stop the work at any report.
 pub fn bind(
     model: Model,
     skeleton: Option<Skeleton>,

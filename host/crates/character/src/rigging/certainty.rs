@@ -82,13 +82,19 @@ const LIMB: f64 = 0.12;
 /// Deviation of a bone's length from the template's, as a logarithm, that is nothing unusual.
 const USUAL_DEVIATION: f64 = 0.45;
 
+/// The share of each bone that is outside.
+pub(super) fn outside_of_bones(template: &Template, interior: &Interior, joints: &[DVec3]) -> Vec<f64> {
+    let share = |bone| outside(interior, joints[bone], joints[template.far_joint[bone]]);
+    (0..template.skeleton.len()).map(share).collect()
+}
+
 /// How sure each bone is, 0 to 1.
 pub(super) fn certainties(
     template: &Template,
-    interior: &Interior,
     landmarks: &Landmarks,
     found: &Found,
     joints: &[DVec3],
+    outside: &[f64],
 ) -> Vec<f64> {
     let best = &found.best;
     let whole = 1.0 / (1.0 + (misfit(template, landmarks, best) / BAD_FIT).powi(2));
@@ -108,13 +114,13 @@ pub(super) fn certainties(
     }
     (0..template.skeleton.len())
         .map(|bone| {
-            let end = end_of(template, bone);
+            let end = template.far_joint[bone];
             let wanted = best.stance.scale * template.joints[end].at.distance(template.joints[bone].at);
             let length = joints[bone].distance(joints[end]);
             let of_limb = template.limbs.iter().find(|limb| limb.chain.joints.iter().skip(1).any(|&j| j == end));
             let weight = of_limb.map_or(1.0, |limb| limb.manner.length);
             let ratio = if wanted > 0.0 { (length.max(1e-9) / wanted).ln() / USUAL_DEVIATION } else { 0.0 };
-            let inside = 1.0 - outside(interior, joints[bone], joints[end]);
+            let inside = 1.0 - outside[bone];
             // The bone's far joint decides: an upper arm is as sure as the elbow.
             let sure = of_joint[end].min(of_joint[bone].max(0.05));
             (sure * inside * inside * (-0.5 * weight * ratio * ratio).exp()).clamp(0.0, 1.0)
@@ -125,10 +131,9 @@ pub(super) fn certainties(
 /// What cannot be told.
 pub(super) fn doubts(
     template: &Template,
-    interior: &Interior,
     landmarks: &Landmarks,
     found: &Found,
-    joints: &[DVec3],
+    outside: &[f64],
     made_alike: bool,
 ) -> Vec<Doubt> {
     let best = &found.best;
@@ -154,11 +159,8 @@ pub(super) fn doubts(
     for (limb, _) in template.limbs.iter().zip(&best.ends).filter(|(_, end)| end.is_none()) {
         doubts.push(Doubt::NoLimb { bone: name(limb.chain.joints[1]) });
     }
-    for bone in 0..template.skeleton.len() {
-        let share = outside(interior, joints[bone], joints[end_of(template, bone)]);
-        if share > 0.1 {
-            doubts.push(Doubt::Outside { bone: name(bone), share });
-        }
+    for (bone, &share) in outside.iter().enumerate().filter(|(_, share)| **share > 0.1) {
+        doubts.push(Doubt::Outside { bone: name(bone), share });
     }
     let left = landmarks
         .ends
@@ -184,14 +186,6 @@ pub(super) fn doubts(
 /// How badly the template fits, for each limb.
 fn misfit(template: &Template, landmarks: &Landmarks, best: &Embedding) -> f64 {
     best.misfit(landmarks) / template.limbs.len().max(1) as f64
-}
-
-/// The joint at a bone's far end: that of its tail, or the nearest child's.
-pub(super) fn end_of(template: &Template, bone: usize) -> usize {
-    let tail = template.skeleton.rest_segments()[bone].1.as_dvec3();
-    let below = (0..template.joints.len()).filter(|&joint| template.joints[joint].parent == Some(bone));
-    let away = |joint: usize| template.joints[joint].at.distance_squared(tail);
-    below.min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or(bone)
 }
 
 /// The share of a segment that is outside.

@@ -14,8 +14,8 @@ const SLACK: f64 = 0.3;
 const OFF_LENGTH: f64 = 0.3;
 
 /// Joints of a chain whose bones have these `lengths` in the template, along the way `path` (both ends included) with the
-/// radius of the limb at each of its points: as many points as bones, and one. The polygon with the least sum of squared distances from the path and of deviations
-/// from the template's proportions, by dynamic programming.
+/// radius of the limb at each of its points: as many joints as bones, and one. They are the polygon with the least sum of
+/// squared distances from the path and of deviations from the template's proportions, by dynamic programming.
 pub(super) fn joints_along(path: &[DVec3], radii: &[f64], lengths: &[f64]) -> Vec<DVec3> {
     let bones = lengths.len();
     let (Some(&first), Some(&last)) = (path.first(), path.last()) else { return vec![DVec3::ZERO; bones + 1] };

@@ -21,20 +21,21 @@ const NEIGHBOUR: f64 = 0.3;
 const OVERLAP: f64 = 0.3;
 /// For a limb of the mesh as long as its longest way, if it counted whole ...
 const UNUSED: f64 = 0.6;
-/// For each foot.
-const OFF_GROUND: f64 = 0.4;
 /// ... but no more of it than this counts.
 const LONG_LIMB: f64 = 0.2;
+/// For each foot.
+const OFF_GROUND: f64 = 0.4;
+/// For each hub.
 const SHALLOW: f64 = 0.6;
 
 /// Distances, as shares of the diameter, from which on something is as wrong as it can be.
 const FAR_FROM_MIDDLE: f64 = 0.06;
 const FAR_FROM_MIRROR: f64 = 0.15;
-/// Hubs are in the deepest places within this distance.
-const AROUND_HUB: f64 = 0.1;
 const FAR_FROM_GROUND: f64 = 0.15;
-/// As a share of the limb.
+/// The same, as a share of the limb.
 const FAR_OVERLAP: f64 = 0.12;
+/// Hubs are in the deepest places within this distance, as a share of the diameter.
+const AROUND_HUB: f64 = 0.1;
 
 /// How a template stands in the mesh.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@ use armature_geometry::planar::plane_of;
 use armature_rig::{Bone, Skeleton, Transform};
 use glam::DVec3;
 
-use super::certainty::{Doubt, certainties, doubts, end_of};
+use super::certainty::{Doubt, certainties, doubts, outside_of_bones};
 use super::error::RigError;
 use super::interior::{Interior, bounds};
 use super::landmarks::landmarks;
@@ -76,8 +76,9 @@ pub fn fit(
     let found = search(template, &interior, &landmarks, &turns, &mut told)?;
     let placement = place(template, &interior, &landmarks, &found.best, settings.symmetric);
     let joints = &placement.joints;
-    let certainty = certainties(template, &interior, &landmarks, &found, joints);
-    let doubts = doubts(template, &interior, &landmarks, &found, joints, placement.made_alike);
+    let outside = outside_of_bones(template, &interior, joints);
+    let certainty = certainties(template, &landmarks, &found, joints, &outside);
+    let doubts = doubts(template, &landmarks, &found, &outside, placement.made_alike);
     let turn = found.best.stance.turn;
     let in_mesh: Vec<DVec3> = joints.iter().map(|&joint| origin + size * joint).collect();
     let tail_turn = |way: DVec3| turn * (size * found.best.stance.scale * way);
@@ -99,7 +100,7 @@ fn skeleton(template: &Template, joints: &[DVec3], in_mesh: impl Fn(DVec3) -> DV
         let origin = bone.parent.map_or(DVec3::ZERO, |parent| joints[parent]);
         let rest = Transform { translation: (joints[index] - origin).as_vec3(), ..Transform::IDENTITY };
         let (head, tail) = (segments[index].0.as_dvec3(), segments[index].1.as_dvec3());
-        let end = end_of(template, index);
+        let end = template.far_joint[index];
         let is_there = end != index && template.joints[end].at.distance(tail) <= AT_A_JOINT * head.distance(tail);
         let way = if is_there { joints[end] - joints[index] } else { in_mesh(tail - head) };
         Bone { name: bone.name.clone(), parent: bone.parent, rest, tail: way.as_vec3() }

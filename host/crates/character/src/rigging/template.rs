@@ -2,7 +2,7 @@
 //! bones between.
 
 use armature_rig::{Figure, HumanoidPart, Skeleton, recognise};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::error::RigError;
 
@@ -18,6 +18,8 @@ pub struct Template {
     pub(super) is_hand: bool,
     /// The bones' heads in their order, then the tails of bones without children.
     pub(super) joints: Vec<Joint>,
+    /// The joint at each bone's far end: that of its tail, or the nearest child's; the bone's own where there is none.
+    pub(super) far_joint: Vec<usize>,
     /// Joints where chains meet; each comes after the one nearer to the first.
     pub(super) hubs: Vec<Hub>,
     pub(super) limbs: Vec<Limb>,
@@ -78,7 +80,8 @@ pub(super) struct Chain {
 impl Template {
     /// Any skeleton in its rest pose (+Y up, looking along +Z, in any unit) as a template.
     pub fn new(skeleton: Skeleton) -> Result<Self, RigError> {
-        let joints = joints(&skeleton);
+        let joint = |(at, parent): (Vec3, Option<usize>)| Joint { at: at.as_dvec3(), parent, mirror: None };
+        let joints: Vec<Joint> = skeleton.rest_joints().into_iter().map(joint).collect();
         let size = joints.iter().flat_map(|a| joints.iter().map(|b| a.at.distance(b.at))).fold(0.0, f64::max);
         if size <= 0.0 {
             return Err(RigError::NoBones);
@@ -89,7 +92,8 @@ impl Template {
             has(|part| matches!(part, HumanoidPart::Finger(..))) && !has(|part| part == HumanoidPart::UpperArm);
         let figure = recognition.figure;
         let joints = mirrored(joints, size);
-        let mut template = Self { joints, skeleton, figure, is_hand, hubs: Vec::new(), limbs: Vec::new() };
+        let far_joint = far_joints(&skeleton, &joints);
+        let mut template = Self { joints, far_joint, skeleton, figure, is_hand, hubs: Vec::new(), limbs: Vec::new() };
         template.find_chains();
         if template.limbs.len() > MOST_LIMBS {
             return Err(RigError::TooManyLimbs { limbs: template.limbs.len(), most: MOST_LIMBS });
@@ -205,17 +209,13 @@ fn manner(figure: Figure, parts: &[HumanoidPart]) -> Manner {
     }
 }
 
-fn joints(skeleton: &Skeleton) -> Vec<Joint> {
-    let segments = skeleton.rest_segments();
-    let bones = skeleton.bones().iter().zip(&segments);
-    let mut joints: Vec<Joint> =
-        bones.map(|(bone, (head, _))| Joint { at: head.as_dvec3(), parent: bone.parent, mirror: None }).collect();
-    for (bone, (head, tail)) in segments.iter().enumerate() {
-        if skeleton.children(bone).next().is_none() && head != tail {
-            joints.push(Joint { at: tail.as_dvec3(), parent: Some(bone), mirror: None });
-        }
-    }
-    joints
+fn far_joints(skeleton: &Skeleton, joints: &[Joint]) -> Vec<usize> {
+    let far = |(bone, (_, tail)): (usize, &(Vec3, Vec3))| {
+        let below = (0..joints.len()).filter(|&joint| joints[joint].parent == Some(bone));
+        let away = |joint: usize| joints[joint].at.distance_squared(tail.as_dvec3());
+        below.min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or(bone)
+    };
+    skeleton.rest_segments().iter().enumerate().map(far).collect()
 }
 
 /// Finds each joint's mirror image.

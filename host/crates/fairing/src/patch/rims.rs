@@ -58,7 +58,7 @@ pub(super) fn along_rims(around: &Around, elements: &Elements, shapes: &[RimShap
     let is_bent = shapes.iter().all(|shape| shape.curvature.is_some());
     let energy = if is_bent { Energy::LaplacianGradient } else { Energy::Laplacian };
     let mut given = GivenAlongRims { energy, ..GivenAlongRims::default() };
-    let border = Border::of(around, elements);
+    let border = is_bent.then(|| Border::of(around, elements));
     for (index, rim) in around.rims.iter().enumerate() {
         let Some(shape) = shapes.get(index).or(shapes.last()) else { break };
         let (sin, cos) = shape.degrees.to_radians().sin_cos();
@@ -71,7 +71,7 @@ pub(super) fn along_rims(around: &Around, elements: &Elements, shapes: &[RimShap
             let (before, after) = (rim.vertices[(k + count - 1) % count], rim.vertices[(k + 1) % count]);
             given.borders.push([v, after]);
             given.tangents.push([tangent(v).to_array(), tangent(after).to_array()]);
-            let Some(curvature) = shape.curvature.filter(|_| is_bent) else { continue };
+            let Some((curvature, border)) = shape.curvature.zip(border.as_ref()) else { continue };
             let [p, q, r] = [before, v, after].map(|v| around.places[v as usize]);
             let (back, ahead) = (border.length(before, v), border.length(v, after));
             let along = 2.0 * ((r - q) / ahead - (q - p) / back) / (back + ahead);

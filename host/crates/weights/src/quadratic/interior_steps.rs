@@ -96,12 +96,13 @@ impl<'a> InteriorSteps<'a> {
 
     /// One step.
     pub(super) fn take(&mut self) -> Result<(), QuadraticError> {
-        let (n, p) = (self.point.x.len(), self.point.y.len());
-        let starts = self.lower.column_starts().to_vec();
         let values = self.lower.values_mut();
-        for (k, (slack, multiplier)) in self.point.slacks.iter().zip(&self.point.multipliers).enumerate() {
-            // The diagonal entry is the first, and only, one of its column.
-            values[starts[n + p + k]] = -(slack / multiplier).clamp(1.0 / ABSENT, ABSENT);
+        // The columns of the inequalities are the last, and hold their diagonal entries only.
+        let diagonal = values.len() - self.point.slacks.len();
+        let ratios =
+            self.point.slacks.iter().zip(&self.point.multipliers).map(|(slack, multiplier)| slack / multiplier);
+        for (value, ratio) in values[diagonal..].iter_mut().zip(ratios) {
+            *value = -ratio.clamp(1.0 / ABSENT, ABSENT);
         }
         self.factor.factorise(&self.lower, &self.signs)?;
         self.taken += 1;
