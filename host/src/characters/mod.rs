@@ -1,5 +1,6 @@
 //! Characters by name or file: our own, saved ones, and models that are bound on the way.
 
+pub mod dynamics;
 pub mod filled;
 pub mod ground;
 pub mod inverse_kinematics;

@@ -70,7 +70,13 @@ pub fn reshaped(character: &LoadedCharacter, shapes: &[ShapeWeight]) -> Result<O
     Ok(character.character().map(|bound| bound.reshaped(&weights)))
 }
 
-fn unknown(character: &LoadedCharacter, name: &str) -> Failure {
+/// Whether a character has a shape of this name.
+pub fn has(character: &LoadedCharacter, name: &str) -> bool {
+    character.character().is_some_and(|bound| !bound.targets_of_shape(name).is_empty())
+}
+
+/// The error of a shape that a character does not have.
+pub fn unknown(character: &LoadedCharacter, name: &str) -> Failure {
     let names = character.character().map(Character::shape_names).unwrap_or_default();
     let what = format!("{} has no shape {name:?}", character.name);
     if names.is_empty() {

@@ -6,8 +6,10 @@ use armature_sim::serve;
 use clap::{Args, ValueEnum};
 
 use super::names::{arm_help, character_help, device_help, puppet_help, vertices_help};
+use crate::characters::dynamics::DynamicsArgs;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
+use crate::characters::shapes::ShapeArgs;
 use crate::engine::puppet_rest::PuppetRest;
 use crate::engine::sources::simulated::SimulatedArgs;
 use crate::files::Overwrite;
@@ -175,6 +177,12 @@ pub struct RunArgs {
     /// Standing and walking.
     #[command(flatten)]
     pub ground: GroundArgs,
+    /// Bones that swing.
+    #[command(flatten)]
+    pub dynamics: DynamicsArgs,
+    /// Blend shapes.
+    #[command(flatten)]
+    pub shapes: ShapeArgs,
     /// Other programs that get the poses.
     #[command(flatten)]
     pub streams: StreamArgs,

@@ -8,6 +8,7 @@ mod edit;
 mod export;
 mod functions;
 mod inspect;
+mod mapping_words;
 #[cfg(not(feature = "window"))]
 mod no_window;
 mod puppet;

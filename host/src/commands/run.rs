@@ -7,6 +7,7 @@ use armature_device::servo::{EepromConsent, ServoSettings};
 use armature_rig::{Calibration, Mapping, RestTurn};
 use armature_take::Header;
 
+use super::mapping_words::{dynamics_words, mapping_words};
 use crate::characters::{self, LoadedCharacter};
 use crate::cli::args::RunArgs;
 use crate::engine::command::RunPlan;
@@ -57,6 +58,8 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         calibration,
         ik: args.ik.clone(),
         ground: args.ground.clone(),
+        dynamics: args.dynamics.clone(),
+        shapes: args.shapes.shapes.clone(),
         draws: false,
         ..EngineSettings::default()
     });
@@ -83,6 +86,11 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         if !doubts.is_empty() {
             out!("{}", mapping_line(doubts));
         }
+        let mapping = engine.puppeteer().and_then(|puppeteer| puppeteer.mapping());
+        if let Some(dynamics) = engine.puppeteer().and_then(Puppeteer::dynamics) {
+            out!("dynamics   {}", dynamics_words(dynamics));
+        }
+        mapping.map(mapping_words).unwrap_or_default().iter().for_each(|words| out!("mapping    {words}"));
         if let Some(line) = engine.puppeteer().and_then(rest_line) {
             out!("{line}");
         }

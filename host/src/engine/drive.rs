@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
 
-use armature_rig::{Calibration, CalibrationStep, StepReport};
+use armature_rig::{Calibration, CalibrationStep, ShapeWeights, StepReport};
 use glam::Affine3A;
 
 use super::command::{Command, RunPlan};
@@ -24,9 +24,9 @@ pub trait Listener {
     /// Receives an event. `Break` makes the engine quit.
     fn hear(&mut self, event: EngineEvent) -> ControlFlow<()>;
 
-    /// Sees each new pose. `seconds`: the device's clock. Must not take long.
-    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
-        let _ = (seconds, model_from_bone);
+    /// Sees each new pose and the weights of shapes. `seconds`: the device's clock. Must not take long.
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A], shapes: &ShapeWeights) {
+        let _ = (seconds, model_from_bone, shapes);
     }
 
     /// A frame to fill, with the buffers of an earlier one if there is one.
@@ -102,9 +102,9 @@ impl Listener for Audience<'_> {
         }
     }
 
-    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A], shapes: &ShapeWeights) {
         if let Some(streams) = self.streams {
-            streams.pose(seconds, model_from_bone);
+            streams.pose(seconds, model_from_bone, shapes);
         }
     }
 }
@@ -162,8 +162,8 @@ impl<S: Source> Shell for Driver<'_, S> {
         self.source.fulfil(request);
     }
 
-    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
-        self.listener.posed(seconds, model_from_bone);
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A], shapes: &ShapeWeights) {
+        self.listener.posed(seconds, model_from_bone, shapes);
     }
 
     fn age(&self, at: f64) -> Option<Duration> {

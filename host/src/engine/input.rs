@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armature_device::{Event, PartUid, SessionCounters};
-use armature_rig::{Calibration, PuppetHints};
+use armature_rig::{Calibration, PuppetHints, ShapeWeights};
 use glam::Affine3A;
 
 use super::command::Command;
@@ -189,9 +189,9 @@ pub trait Shell {
     fn tell(&mut self, event: EngineEvent);
     /// Receives a request.
     fn ask(&mut self, request: Request);
-    /// Sees each new pose. `seconds`: the device's clock.
-    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A]) {
-        let _ = (seconds, model_from_bone);
+    /// Sees each new pose and the weights of shapes. `seconds`: the device's clock.
+    fn posed(&mut self, seconds: f64, model_from_bone: &[Affine3A], shapes: &ShapeWeights) {
+        let _ = (seconds, model_from_bone, shapes);
     }
     /// How long ago this was, now that the engine has processed it; `None` on a virtual clock.
     fn age(&self, at: f64) -> Option<Duration>;

@@ -185,7 +185,8 @@ impl<W: Write> Pipeline<W> {
 
     /// Blends the character towards one of its shapes.
     pub fn set_shape(&mut self, shape: &ShapeWeight) -> Result<(), Failure> {
-        self.puppeteer.set_shape(shape)
+        self.puppeteer.set_shape(shape)?;
+        self.record(|recorder, _| recorder.shape(&shape.name, shape.weight))
     }
 
     /// The character and its pose.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use armature_rig::{Calibration, Pose};
+use armature_rig::{Calibration, Pose, ShapeWeights};
 
 use super::event::Frame;
 use super::frames;
@@ -20,6 +20,7 @@ pub(super) struct Player {
     /// When the playhead was moved last, on the engine's clock.
     moved: Option<f64>,
     pose: Pose,
+    shapes: ShapeWeights,
 }
 
 impl Player {
@@ -28,7 +29,7 @@ impl Player {
         let character = take.character.clone();
         let puppeteer = Puppeteer::new(character, None, Calibration::default(), ZeroPolicy::OnRequest)?;
         let playback = Playback { seconds: take.span().0, ..Playback::default() };
-        Ok(Self { take, puppeteer, playback, moved: None, pose: Pose::default() })
+        Ok(Self { take, puppeteer, playback, moved: None, pose: Pose::default(), shapes: ShapeWeights::default() })
     }
 
     /// The same take after other edits; the playhead stays where it can.
@@ -122,7 +123,8 @@ impl Player {
                     *bone = *live;
                 }
             }
-            self.puppeteer.show(&self.pose)?;
+            self.take.shapes_at(self.playback.seconds, &mut self.shapes);
+            self.puppeteer.show(&self.pose, &self.shapes)?;
         }
         frames::fill_character(frame, &self.puppeteer);
         frame.angles.clear();

@@ -67,7 +67,8 @@ impl RestMatcher {
             return found.turns.clone();
         }
         let found = if let PuppetRest::Pose(pose) = self.wanted {
-            let is_driven = |bone: usize| mapping.entries.iter().any(|e| e.bone == skeleton.bones()[bone].name);
+            let driven = mapping.driven_bones(skeleton);
+            let is_driven = |bone: usize| driven[bone];
             armature_rig::match_rest_pose(pose, skeleton, &is_driven)
         } else {
             armature_rig::match_rest(tree, mapping, skeleton, hints)

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use armature_character::Progress;
 use armature_character::inverse_kinematics::{BoneRole, InverseKinematics};
 use armature_rig::{
-    BoneStatus, Calibration, Ground, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion, PuppetHints,
-    RawSample, SensorCalibration, SensorState, SolveError, StreamSolver, ZeroReport,
+    BoneStatus, Calibration, Dynamics, Ground, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion,
+    PuppetHints, RawSample, SensorCalibration, SensorState, ShapeWeights, SolveError, StreamSolver, ZeroReport,
 };
 use armature_take::InverseKinematicsHeader;
 use glam::{Affine3A, Quat};
@@ -18,9 +18,10 @@ use glam::{Affine3A, Quat};
 use super::puppet_rest::{PuppetRest, RestMatcher, is_part_of};
 use super::shaped_skin::ShapedSkin;
 use crate::characters::LoadedCharacter;
+use crate::characters::dynamics::DynamicsArgs;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
-use crate::characters::shapes::ShapeWeight;
+use crate::characters::shapes::{self, ShapeWeight};
 use crate::failure::Failure;
 
 /// When the rest pose is taken. A part that is plugged in later and was never zeroed is zeroed by itself, unless the
@@ -89,7 +90,10 @@ pub struct Puppeteer {
     zero_wish: ZeroWish,
     waited_samples: u32,
     solver: StreamSolver,
+    /// Shapes of the mapping that the character does not have, as far as that was said.
+    missing_shapes: Vec<String>,
     ground: Option<Ground>,
+    dynamics: Option<Dynamics>,
     inverse_kinematics: Option<InverseKinematics>,
     /// What its bones prefer, in the user's words.
     preferences: Vec<String>,
@@ -129,7 +133,9 @@ impl Puppeteer {
             zero_wish: ZeroWish::Nothing,
             waited_samples: 0,
             solver,
+            missing_shapes: Vec::new(),
             ground: None,
+            dynamics: None,
             model_from_bone,
         })
     }
@@ -159,6 +165,30 @@ impl Puppeteer {
         Ok(self)
     }
 
+    /// With shapes of the character set by hand.
+    pub fn with_shapes(mut self, shapes: &[ShapeWeight]) -> Result<Self, Failure> {
+        shapes.iter().try_for_each(|shape| self.set_shape(shape))?;
+        Ok(self)
+    }
+
+    /// Lets bones swing, as chosen.
+    pub fn with_dynamics(mut self, choice: &DynamicsArgs) -> Result<Self, Failure> {
+        self.dynamics = choice.for_character(&self.character)?;
+        self.swing()?;
+        Ok(self)
+    }
+
+    fn swing(&mut self) -> Result<(), Failure> {
+        self.solver
+            .set_dynamics(self.dynamics.clone())
+            .map_err(|e| Failure::usage(e.to_string(), "choose other bones for --dynamics, or off"))
+    }
+
+    /// What swings; `None` where nothing does.
+    pub fn dynamics(&self) -> Option<&Dynamics> {
+        self.dynamics.as_ref()
+    }
+
     /// Lets the roots follow the feet, as chosen.
     pub fn with_ground(mut self, choice: &GroundArgs) -> Result<Self, Failure> {
         self.ground = choice.for_character(&self.character)?;
@@ -186,10 +216,7 @@ impl Puppeteer {
     /// Prepares for the bones that the mapping drives before samples come; those would do it too, but late.
     fn prepare_inverse_kinematics(&mut self, progress: Progress<'_>) {
         let (Some(ik), Some(mapping)) = (&mut self.inverse_kinematics, self.solver.mapping()) else { return };
-        let mut driven = vec![false; self.character.skeleton.len()];
-        for bone in mapping.entries.iter().filter_map(|entry| self.character.skeleton.find(&entry.bone)) {
-            driven[bone] = true;
-        }
+        let driven = mapping.driven_bones(&self.character.skeleton);
         if ik.driven() == driven {
             return;
         }
@@ -209,6 +236,7 @@ impl Puppeteer {
             mapping.rest = self.rest.turns(&tree, &mapping, &self.character.skeleton, &self.hints);
         }
         mapping.carried = self.carried(&tree, &mapping);
+        self.look_for_shapes(&tree, &mapping);
         let mut calibration = self.solver.calibration().clone();
         self.replaced = calibration.forget_misfits(&tree);
         let unknown = tree.parts().iter().any(|part| {
@@ -231,13 +259,31 @@ impl Puppeteer {
         self.prepare_inverse_kinematics(progress);
     }
 
+    /// Warns of shapes that cannot be driven: the character lacks them, or the puppet lacks their joint.
+    fn look_for_shapes(&mut self, tree: &JointTree, mapping: &Mapping) {
+        for drive in &mapping.shapes {
+            if !self.missing_shapes.contains(&drive.shape) && !shapes::has(&self.character, &drive.shape) {
+                tracing::warn!("the mapping: {}", shapes::unknown(&self.character, &drive.shape).what);
+                self.missing_shapes.push(drive.shape.clone());
+            }
+            if tree.find(drive.part).is_none() {
+                let (shape, part) = (&drive.shape, drive.part);
+                tracing::warn!("the shape {shape:?} waits for part {part}, which is not plugged in");
+            }
+        }
+    }
+
     /// What was proposed for a puppet still holds while parts of it are unplugged, and when they are back: otherwise
     /// the rest of it would change bones in the middle of a performance.
     fn proposal(&mut self, tree: &JointTree) -> Mapping {
         if let Some((_, mapping)) = self.proposed.as_ref().filter(|(whole, _)| is_part_of(tree, whole)) {
             return mapping.clone();
         }
-        let proposal = armature_rig::propose_with(tree, &self.character.skeleton, &self.hints);
+        let mut proposal = armature_rig::propose_with(tree, &self.character.skeleton, &self.hints);
+        if self.inverse_kinematics.is_some() {
+            // It poses the bones between by the character's shape, as preferences and limits say.
+            proposal.mapping.shared.clear();
+        }
         self.proposed = Some((tree.clone(), proposal.mapping.clone()));
         self.mapping_doubts = proposal.ambiguities;
         proposal.mapping
@@ -317,8 +363,13 @@ impl Puppeteer {
     /// Another puppet is connected, and this is what is known of its joints: how they are calibrated, and what they are.
     pub fn expect_puppet(&mut self, calibration: Calibration, hints: PuppetHints) {
         self.hints = hints;
-        self.solver = fresh_solver(&self.character, calibration);
-        if let Err(failure) = self.stand() {
+        let solver = fresh_solver(&self.character, calibration);
+        let former = std::mem::replace(&mut self.solver, solver);
+        for (shape, weight) in former.shapes().iter() {
+            // It was finite before.
+            let _ = self.solver.set_shape(shape, weight);
+        }
+        if let Err(failure) = self.stand().and_then(|()| self.swing()) {
             tracing::warn!("{failure}");
         }
         self.forget_past();
@@ -371,19 +422,32 @@ impl Puppeteer {
             self.missed = self.missed.max(ik.worst_pin());
         }
         pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
+        self.skin.blend(&self.character, self.solver.shapes())?;
         self.skin.pose(&self.model_from_bone)?;
         Ok(Step::Posed { zeroed })
     }
 
-    /// Blends the character towards one of its shapes, now and from now on.
+    /// Blends the character towards one of its shapes, now and from now on. A joint that drives it sets it again with the
+    /// next sample.
     pub fn set_shape(&mut self, shape: &ShapeWeight) -> Result<(), Failure> {
-        self.skin.set_shape(&self.character, shape)?;
+        if !shapes::has(&self.character, &shape.name) {
+            return Err(shapes::unknown(&self.character, &shape.name));
+        }
+        let set = self.solver.set_shape(&shape.name, shape.weight);
+        set.map_err(|error| Failure::usage(error.to_string(), "choose a weight between 0 and 1"))?;
+        self.skin.blend(&self.character, self.solver.shapes())?;
         self.skin.pose(&self.model_from_bone)
     }
 
-    /// Skins the character in a pose that was solved before, as of a take.
-    pub fn show(&mut self, pose: &Pose) -> Result<(), Failure> {
+    /// The weights of shapes that were set by hand or by joints.
+    pub fn shapes(&self) -> &ShapeWeights {
+        self.solver.shapes()
+    }
+
+    /// Skins the character in a pose and with weights of shapes that were solved before, as of a take.
+    pub fn show(&mut self, pose: &Pose, shapes: &ShapeWeights) -> Result<(), Failure> {
         pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
+        self.skin.blend(&self.character, shapes)?;
         self.skin.pose(&self.model_from_bone)
     }
 
@@ -485,74 +549,5 @@ fn fresh_solver(character: &LoadedCharacter, calibration: Calibration) -> Stream
 }
 
 #[cfg(test)]
-mod tests {
-    use armature_rig::{Bone, Part, PartKind, Skeleton, Transform};
-    use glam::Vec3;
-
-    use super::*;
-
-    const UID: PartUid = PartUid([3; 12]);
-
-    fn puppeteer(policy: ZeroPolicy, calibration: Calibration) -> Puppeteer {
-        let bone = Bone { name: "arm".into(), parent: None, rest: Transform::IDENTITY, tail: Vec3::Y };
-        let character = LoadedCharacter::bare("arm", "arm", Skeleton::new(vec![bone]).unwrap());
-        let mut puppeteer = Puppeteer::new(Arc::new(character), None, calibration, policy).unwrap();
-        let part = Part { uid: UID, kind: PartKind::Bend, parent: None, outlet: 0, counts_per_turn: 4096 };
-        puppeteer.set_topology(1, JointTree::new(vec![part]).unwrap(), &mut unheard);
-        puppeteer
-    }
-
-    fn sample(counts: u16, state: SensorState) -> RawSample {
-        RawSample { epoch: 1, counts: vec![counts], states: vec![state], ..RawSample::default() }
-    }
-
-    fn angle(puppeteer: &Puppeteer) -> f32 {
-        puppeteer.pose().parent_from_bone[0].rotation.to_axis_angle().1
-    }
-
-    #[test]
-    fn the_first_good_sample_is_the_rest_pose() {
-        let mut puppeteer = puppeteer(ZeroPolicy::WhenUnknown, Calibration::default());
-        let early = puppeteer.follow(&sample(9, SensorState::NoData)).unwrap();
-        assert_eq!(early, Step::Posed { zeroed: None });
-        assert!(puppeteer.waits_for_zero());
-        let Step::Posed { zeroed: Some(report) } = puppeteer.follow(&sample(1000, SensorState::Ok)).unwrap() else {
-            panic!("the first good sample is taken as zero")
-        };
-        assert_eq!(report.zeroed, 1);
-        assert!(angle(&puppeteer).abs() < 1e-6);
-        puppeteer.follow(&sample(1000 + 1024, SensorState::Ok)).unwrap();
-        assert!((angle(&puppeteer) - std::f32::consts::FRAC_PI_2).abs() < 1e-5);
-    }
-
-    #[test]
-    fn a_calibrated_joint_is_not_zeroed_again_unless_asked() {
-        let mut first = puppeteer(ZeroPolicy::WhenUnknown, Calibration::default());
-        first.follow(&sample(1000, SensorState::Ok)).unwrap();
-        let known = first.calibration().clone();
-        let mut second = puppeteer(ZeroPolicy::WhenUnknown, known.clone());
-        assert!(!second.waits_for_zero());
-        second.follow(&sample(2024, SensorState::Ok)).unwrap();
-        assert!(angle(&second) > 1.5);
-        second.request_zero();
-        second.follow(&sample(2024, SensorState::Ok)).unwrap();
-        assert!(angle(&second).abs() < 1e-6);
-        assert!(puppeteer(ZeroPolicy::AtStart, known).waits_for_zero());
-    }
-
-    #[test]
-    fn a_sensor_that_never_answers_does_not_hold_up_the_others_for_ever() {
-        let mut puppeteer = puppeteer(ZeroPolicy::AtStart, Calibration::default());
-        for _ in 0..=PATIENCE_SAMPLES {
-            puppeteer.follow(&sample(0, SensorState::NoData)).unwrap();
-        }
-        assert!(!puppeteer.waits_for_zero());
-    }
-
-    #[test]
-    fn samples_of_another_topology_are_ignored() {
-        let mut puppeteer = puppeteer(ZeroPolicy::OnRequest, Calibration::default());
-        let other = RawSample { epoch: 2, ..sample(0, SensorState::Ok) };
-        assert_eq!(puppeteer.follow(&other).unwrap(), Step::Ignored);
-    }
-}
+#[path = "puppeteer_tests.rs"]
+mod tests;

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::time::Duration;
 
 use armature_rig::{RawSample, SensorState};
-use armature_take::{Event, EventKind, Header, TakeWriter, Totals, WriteError};
+use armature_take::{Event, EventKind, Header, ShapeSetting, TakeWriter, Totals, WriteError};
 
 use super::latency::Latencies;
 use super::puppeteer::{ENGAGE_MICROS, Puppeteer, Step};
@@ -87,6 +87,9 @@ impl<W: Write> TakeRecorder<W> {
         if let Some(ground) = puppeteer.ground() {
             writer.ground(Some(ground)).map_err(failed)?;
         }
+        if let Some(dynamics) = puppeteer.dynamics() {
+            writer.dynamics(Some(dynamics)).map_err(failed)?;
+        }
         let mut recorder = Self {
             writer,
             name: name.to_string(),
@@ -97,6 +100,9 @@ impl<W: Write> TakeRecorder<W> {
             engagement_told: false,
             return_told: false,
         };
+        for (name, weight) in puppeteer.shapes().iter() {
+            recorder.shape(name, weight)?;
+        }
         recorder.topology(puppeteer)?;
         Ok(recorder)
     }
@@ -122,6 +128,13 @@ impl<W: Write> TakeRecorder<W> {
     pub fn engagement(&mut self, all: bool) -> Result<(), Failure> {
         self.engagement_told = true;
         self.writer.engagement(ENGAGE_MICROS, all).map_err(|e| write_failure(&self.name, &e))
+    }
+
+    /// A shape of the character is set by hand.
+    pub fn shape(&mut self, name: &str, weight: f32) -> Result<(), Failure> {
+        let device_micros = self.clock.latest.map(|(micros, _)| micros);
+        let setting = ShapeSetting { device_micros, name: name.to_owned(), weight };
+        self.writer.shape(&setting).map_err(|e| write_failure(&self.name, &e))
     }
 
     /// Counts mean something else from here on.

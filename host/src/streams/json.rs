@@ -3,11 +3,12 @@
 //! ```json
 //! {"human": {"Version": 1, "Time": 12.345, "Bone": [
 //!   {"Name": "hips", "Parent": -1, "Location": [0, 0.95, 0], "Rotation": [0, 0, 0, 1], "Scale": [1, 1, 1],
-//!    "Turn": [0, 0, 0, 1], "Shift": [0, 0, 0], "Humanoid": "hips"}], "Parameter": []}}
+//!    "Turn": [0, 0, 0, 1], "Shift": [0, 0, 0], "Humanoid": "hips"}], "Parameter": [{"Name": "blink", "Value": 0.5}]}}
 //! ```
 //!
 //! `Location`, `Rotation` (x, y, z, w) and `Scale` are in the parent's space (a root's in model space). `Turn` and `Shift`
-//! compare with the rest pose, in model space: what a receiver needs whose rig has other axes and lengths. Additional
+//! compare with the rest pose, in model space: what a receiver needs whose rig has other axes and lengths. `Parameter`: the
+//! weights of blend shapes that are set by hand or by joints, 0 for not at all and 1 for wholly. Additional
 //! keys may come with later versions; `Version` rises when one changes its meaning.
 
 use glam::{Quat, Vec3};
@@ -30,7 +31,7 @@ struct Subject<'a> {
     version: u32,
     time: f64,
     bone: Vec<Bone<'a>>,
-    parameter: [(); 0],
+    parameter: Vec<Parameter<'a>>,
 }
 
 #[derive(Serialize)]
@@ -45,6 +46,13 @@ struct Bone<'a> {
     shift: [f32; 3],
     #[serde(skip_serializing_if = "Option::is_none")]
     humanoid: Option<String>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "PascalCase")]
+struct Parameter<'a> {
+    name: &'a str,
+    value: f32,
 }
 
 impl Serialize for Message<'_> {
@@ -68,7 +76,7 @@ impl Serialize for Message<'_> {
             version: VERSION,
             time: pose.seconds,
             bone: (0..skeleton.bones.len()).map(bone).collect(),
-            parameter: [],
+            parameter: pose.shapes.iter().map(|(name, value)| Parameter { name, value: round(value) }).collect(),
         };
         let mut map = serializer.serialize_map(Some(1))?;
         map.serialize_entry(&skeleton.subject, &subject)?;

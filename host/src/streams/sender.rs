@@ -6,6 +6,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use armature_rig::ShapeWeights;
 use glam::Affine3A;
 
 use super::json;
@@ -95,12 +96,13 @@ impl Streams {
 
     /// Hands over a new pose. Copies it and returns; a pose that was not sent yet is replaced.
     ///
-    /// `seconds`: the device's clock. `model_from_bone`: one for each bone of the skeleton.
-    pub fn pose(&self, seconds: f64, model_from_bone: &[Affine3A]) {
+    /// `seconds`: the device's clock. `model_from_bone`: one for each bone of the skeleton. `shapes`: those that are set.
+    pub fn pose(&self, seconds: f64, model_from_bone: &[Affine3A], shapes: &ShapeWeights) {
         let mut state = self.slot.lock();
         state.pose.seconds = seconds;
         state.pose.model_from_bone.clear();
         state.pose.model_from_bone.extend_from_slice(model_from_bone);
+        state.pose.shapes.copy_from(shapes);
         state.is_new = true;
         drop(state);
         self.slot.changed.notify_one();

@@ -1,6 +1,6 @@
 //! What is streamed: a skeleton, known from the start, and its poses.
 
-use armature_rig::{Figure, HumanoidBone, Skeleton, recognise};
+use armature_rig::{Figure, HumanoidBone, ShapeWeights, Skeleton, recognise};
 use glam::{Affine3A, Quat, Vec3};
 
 /// A bone of a streamed skeleton.
@@ -35,6 +35,8 @@ pub struct StreamedPose {
     pub seconds: f64,
     /// n transforms from a bone's to model space, in the skeleton's order.
     pub model_from_bone: Vec<Affine3A>,
+    /// Weights of blend shapes that are set by hand or by joints.
+    pub shapes: ShapeWeights,
 }
 
 impl StreamedSkeleton {

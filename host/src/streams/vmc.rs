@@ -2,7 +2,7 @@
 //!
 //! Bones are sent as they turn compared with a rest pose in which every bone has the axes of the model (a T-pose for
 //! avatars), each relative to the recognised bone above it, in Unity's frame: left-handed, Y up, the character looks
-//! along +Z, so that X changes its sign.
+//! along +Z, so that X changes its sign. Blend shapes that are set are sent by the names that they have in the character.
 
 use std::fmt::Write as _;
 
@@ -66,6 +66,13 @@ impl VmcSkeleton {
             };
             placed("/VMC/Ext/Bone/Pos", &bone.name, position, rotation)
         }));
+        for (name, weight) in pose.shapes.iter() {
+            let args = vec![OscType::String(name.to_owned()), OscType::Float(weight)];
+            messages.push(message("/VMC/Ext/Blend/Val", args));
+        }
+        if !pose.shapes.is_empty() {
+            messages.push(message("/VMC/Ext/Blend/Apply", Vec::new()));
+        }
         bundles(messages)
     }
 

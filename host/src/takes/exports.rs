@@ -144,10 +144,10 @@ pub fn export(
     let surface = reshaped.as_ref().or_else(|| character?.character()).map(surface_of);
     let name = &take.header().character_name;
     let mut left_out = Vec::new();
-    let (bytes, taken, keys) = match target {
+    let (bytes, taken, keys, missing) = match target {
         Target::Bvh => {
             let exported = bvh_of(motion).map_err(|e| failure(&e))?;
-            (exported.file.into_bytes(), exported.motion, None)
+            (exported.file.into_bytes(), exported.motion, None, exported.missing_shapes)
         }
         Target::Glb => {
             let exported = glb_of(motion, name, surface.as_ref(), "take", settings.keys.as_ref(), progress)
@@ -156,7 +156,7 @@ pub fn export(
                 Some(start) => annotate_clips(&exported.file, &Value::Object(timecode_of(start)))?,
                 None => exported.file,
             };
-            (file, exported.motion, exported.keys)
+            (file, exported.motion, exported.keys, exported.missing_shapes)
         }
         Target::Fbx => {
             let text = |(key, value): (String, Value)| (key, value.as_str().map_or(value.to_string(), str::to_owned));
@@ -164,7 +164,7 @@ pub fn export(
             let notes = FbxNotes { properties, drops_numbers: options.rate.drops_numbers() };
             let exported = fbx_of(motion, name, surface.as_ref(), "take", &notes).map_err(|e| failure(&e))?;
             left_out = exported.file.left_out;
-            (exported.file.bytes, exported.motion, None)
+            (exported.file.bytes, exported.motion, None, exported.missing_shapes)
         }
     };
     let motion = &taken.resampled.motion;
@@ -172,6 +172,13 @@ pub fn export(
     let last = |start: Timecode| start.after(frames.saturating_sub(1) as u64);
     let mut notes = notes(&taken);
     notes.extend(left_out);
+    if !missing.is_empty() {
+        let names = missing.join(", ");
+        notes.push(match target {
+            Target::Bvh => format!("BVH has no place for the weights of blend shapes, which the take sets: {names}"),
+            _ => format!("the take sets shapes that the character does not have: {names}"),
+        });
+    }
     notes.extend(edited.iter().flat_map(|edited| edited.notes.clone()));
     if options.start.is_some() && target == Target::Bvh {
         notes.push("BVH has no place for timecode; it is only in what is printed here and in the receipt".into());
@@ -199,7 +206,7 @@ fn is_spline(settings: &ExportSettings) -> bool {
 
 /// The character's mesh and how it follows the bones.
 fn surface_of(c: &Character) -> Surface<'_> {
-    Surface { skeleton: &c.skeleton, mesh: c.glb_mesh() }
+    Surface { skeleton: &c.skeleton, mesh: c.glb_mesh(), expressions: c.expressions() }
 }
 
 /// What a file says of its first frame.

@@ -4,10 +4,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use armature_rig::{Pose, Skeleton};
+use armature_rig::{Pose, ShapeWeights, Skeleton};
 use armature_take::{
-    Curves, Edit, EditList, PackedPose, Receipt, Record, SilentJoint, Summary, Take, Timeline, curves, receipt,
-    summarize,
+    Curves, Edit, EditList, PackedPose, Receipt, Record, ShapeTrack, SilentJoint, Summary, Take, Timeline, curves,
+    receipt, summarize,
 };
 
 use crate::characters::{self, LoadedCharacter};
@@ -47,6 +47,7 @@ pub struct OpenedTake {
     /// that the two clocks have nothing to do with each other.
     pub begins: Option<f64>,
     poses: Vec<(f64, PackedPose)>,
+    shapes: Option<ShapeTrack>,
 }
 
 impl OpenedTake {
@@ -74,6 +75,15 @@ impl OpenedTake {
         let (_, packed) = self.poses.get(index)?;
         packed.unpack(&self.character.skeleton, pose);
         Some(index)
+    }
+
+    /// Writes the weights of shapes at this time, seconds, into `shapes`: those that the take sets.
+    pub fn shapes_at(&self, seconds: f64, shapes: &mut ShapeWeights) {
+        *shapes = ShapeWeights::default();
+        for (name, weight) in self.shapes.iter().flat_map(|track| track.at(seconds)) {
+            // Between finite weights there are only finite ones.
+            let _ = shapes.set(name, weight);
+        }
     }
 
     /// The time of the pose before or behind the one at this time, seconds.
@@ -129,12 +139,14 @@ pub fn prepare(
     };
     if list.edits.is_empty() && take.poses().next().is_some() {
         opened.markers = markers;
+        opened.shapes = ShapeTrack::of(take);
         opened.poses = poses_of(Timeline::recorded(take));
     } else {
         let completion = takes::completion(take, &character)?;
         let edited = edits::apply_to(&list_of(path), &list, take, completion, progress)?;
         opened.poses = poses_of(Some(edited.timeline()));
         (opened.markers, opened.segments, opened.notes) = (edited.markers, edited.segments, edited.notes);
+        opened.shapes = edited.shapes;
     }
     if opened.poses.is_empty() {
         return Err(Failure::input(format!("{} holds no pose", path.display()), "record it again"));
@@ -198,6 +210,10 @@ fn moved_by_joints(take: &Take, skeleton: &Skeleton, curves: &Curves) -> (Vec<bo
     let bone_of = |part| skeleton.find(&mapping?.entries.iter().find(|entry| entry.part == part)?.bone);
     let bones: Vec<Option<usize>> = curves.joints.iter().map(|joint| bone_of(joint.part)).collect();
     bones.iter().flatten().for_each(|&bone| driven[bone] = true);
+    let of = |part| mapping?.shared.iter().find(|joint| joint.part == part);
+    for (bone, _) in curves.joints.iter().filter_map(|joint| of(joint.part)).flat_map(|joint| &joint.bones) {
+        skeleton.find(bone).into_iter().for_each(|bone| driven[bone] = true);
+    }
     (driven, bones)
 }
 

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use armature_deform::skin::bones::{BoneBinding, unit_normal};
 use armature_deform::skin::{LinearBlendSkin, MorphOffsets, Morphs, SkinError};
 use armature_formats::gltf::GlbMesh;
-use armature_formats::model::{Avatar, Material, MeshPart, MorphTarget, PartError, Skin, check_parts};
+use armature_formats::model::{
+    Avatar, Expression, Material, MeshPart, MorphTarget, PartError, Skin, check_parts, targets_of_shape,
+};
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::Skeleton;
 use glam::Affine3A;
@@ -238,19 +240,19 @@ impl Character {
     /// Sets the weights of an expression's morph targets, or of all morph targets with a name. Returns whether there are
     /// any. `weights`: one per target.
     pub fn set_shape(&self, weights: &mut [f32], name: &str, weight: f32) -> bool {
-        let expressions = self.avatar.iter().flat_map(|avatar| &avatar.expressions);
-        let mut is_known = false;
-        for &(target, full) in expressions.filter(|expression| expression.name == name).flat_map(|e| &e.targets) {
-            if let Some(own) = weights.get_mut(target as usize) {
-                *own = full * weight;
-                is_known = true;
-            }
-        }
-        if is_known {
-            return true;
-        }
-        let targets = self.surface.morph_targets.iter().zip(weights).filter(|(target, _)| target.name == name);
-        targets.map(|(_, own)| *own = weight).count() > 0
+        let targets = self.targets_of_shape(name);
+        targets.iter().for_each(|&(target, full)| weights[target] = full * weight);
+        !targets.is_empty()
+    }
+
+    /// The morph targets of a shape, and the weight of each when it is fully there; empty for a name that nothing has.
+    pub fn targets_of_shape(&self, name: &str) -> Vec<(usize, f32)> {
+        targets_of_shape(self.expressions(), &self.surface.morph_targets, name)
+    }
+
+    /// Its expressions: morph targets that are set together.
+    pub fn expressions(&self) -> &[Expression] {
+        self.avatar.as_ref().map_or(&[], |avatar| avatar.expressions.as_slice())
     }
 
     /// The same character with other weights of its morph targets (one per target) as default, and its rest shape

@@ -175,7 +175,9 @@ fn ufbx_finds_bones_weights_shapes_and_curves() {
         let (model, influences, skins) = character(&mut noise, &skeleton);
         let motion = motion(&mut noise, &skeleton, frame_seconds, true);
         let mesh = GlbMesh { influences: Some(&influences), skins: &skins, ..GlbMesh::of_model(&model) };
-        let clips = vec![GlbClip::of_motion("take", &motion)];
+        let row = |frame: usize| vec![0.25 + 0.01 * frame as f32; model.morph_targets.len()];
+        let weights: Vec<Vec<f32>> = (0..motion.frames.len()).map(row).collect();
+        let clips = vec![GlbClip { weights: &weights, ..GlbClip::of_motion("take", &motion) }];
         let scene = GlbScene { name: "figure", skeleton: &skeleton, mesh: Some(mesh), clips };
         let file = write_fbx(&scene, &FbxNotes::default()).unwrap();
         assert_eq!(file.left_out.len(), 1, "{:?}", file.left_out);
@@ -191,6 +193,14 @@ fn ufbx_finds_bones_weights_shapes_and_curves() {
         let seconds = stack.time_end - stack.time_begin;
         assert!((seconds - motion.duration_seconds()).abs() < 1e-10, "{seconds} and {}", motion.duration_seconds());
         check_bones(&found, &motion);
+        assert!(!found.blend_channels.is_empty());
+        for channel in &found.blend_channels {
+            for (frame, row) in weights.iter().enumerate() {
+                let seconds = frame as f64 * motion.frame_seconds;
+                let shown = ufbx::evaluate_blend_weight(&stack.anim, channel, seconds);
+                assert!((shown - f64::from(row[0])).abs() < 1e-4, "{}: {shown} and {}", channel.element.name, row[0]);
+            }
+        }
         check_meshes(&found, &model, &influences, &skeleton);
     }
 }
@@ -425,7 +435,7 @@ fn bones_alone_a_mesh_alone_and_nonsense() {
     let mut noise = Noise(5);
     let skeleton = skeleton(&mut noise, false);
     let rest = vec![skeleton.rest_pose()];
-    let clips = vec![GlbClip { name: "rest", times: GlbTimes::EverySeconds(0.5), poses: &rest }];
+    let clips = vec![GlbClip { name: "rest", times: GlbTimes::EverySeconds(0.5), poses: &rest, weights: &[] }];
     let notes = FbxNotes { properties: vec![("start_timecode".into(), "01:00:00;00".into())], drops_numbers: true };
     let bones = GlbScene { name: "nul\0name", skeleton: &skeleton, mesh: None, clips: clips.clone() };
     let file = write_fbx(&bones, &notes).unwrap();
@@ -449,7 +459,7 @@ fn bones_alone_a_mesh_alone_and_nonsense() {
     assert!(fails(&unbound).contains("follows no bones"));
     let mut wild = rest.clone();
     wild[0].parent_from_bone[1].translation.x = f32::NAN;
-    let times = |times, poses| vec![GlbClip { name: "c", times, poses }];
+    let times = |times, poses| vec![GlbClip { name: "c", times, poses, weights: &[] }];
     for clips in [
         times(GlbTimes::EverySeconds(f64::NAN), &rest[..]),
         times(GlbTimes::EverySeconds(0.5), &wild[..]),

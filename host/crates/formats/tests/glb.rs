@@ -126,9 +126,9 @@ fn awkward_characters_come_back() {
         // Seconds that are all multiples of an eightieth, so that a reader's even frames meet every key.
         let times = [0.0, 0.0125, 0.05, 0.0875, 0.1];
         let clips = vec![
-            GlbClip { name: "uneven", times: GlbTimes::At(&times), poses: &poses },
-            GlbClip { name: "even", times: GlbTimes::EverySeconds(0.04), poses: &poses },
-            GlbClip { name: "one", times: GlbTimes::EverySeconds(0.04), poses: &poses[..1] },
+            GlbClip { name: "uneven", times: GlbTimes::At(&times), poses: &poses, weights: &[] },
+            GlbClip { name: "even", times: GlbTimes::EverySeconds(0.04), poses: &poses, weights: &[] },
+            GlbClip { name: "one", times: GlbTimes::EverySeconds(0.04), poses: &poses[..1], weights: &[] },
         ];
         let mesh = GlbMesh { influences: Some(&influences), ..GlbMesh::of_model(&model) };
         let scene = GlbScene { name: "awkward", skeleton: &skeleton, mesh: Some(mesh), clips };
@@ -207,7 +207,7 @@ fn a_mesh_without_bones_and_bones_without_a_mesh() {
     assert!(again.rig.is_none());
 
     let poses = [bones.rest_pose(), bones.rest_pose()];
-    let clips = vec![GlbClip { name: "rest", times: GlbTimes::EverySeconds(0.5), poses: &poses }];
+    let clips = vec![GlbClip { name: "rest", times: GlbTimes::EverySeconds(0.5), poses: &poses, weights: &[] }];
     let bytes = write_glb(&GlbScene { name: "bones", skeleton: &bones, mesh: None, clips }).unwrap();
     keep("bones.glb", &bytes);
     assert!(read_model("bones.glb", &bytes, &none).is_err());
@@ -236,11 +236,19 @@ fn nonsense_is_named() {
     bad.vertices[0][0] = 1e300;
     assert!(write(GlbMesh { mesh: &bad, ..mesh }, Vec::new()).is_err());
     let short = [Pose::default()];
-    assert!(write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &short }]).is_err());
-    assert!(write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &[] }]).is_err());
+    assert!(
+        write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &short, weights: &[] }])
+            .is_err()
+    );
+    assert!(
+        write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &[], weights: &[] }]).is_err()
+    );
     let mut nan = [bones.rest_pose()];
     nan[0].parent_from_bone[0].translation.x = f32::NAN;
-    assert!(write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &nan }]).is_err());
+    assert!(
+        write(mesh, vec![GlbClip { name: "c", times: GlbTimes::EverySeconds(0.1), poses: &nan, weights: &[] }])
+            .is_err()
+    );
     let scene = GlbScene { name: "x", skeleton: &Skeleton::default(), mesh: None, clips: Vec::new() };
     assert!(write_glb(&scene).is_err());
 }
@@ -372,4 +380,65 @@ fn meshes_with_morph_targets_colours_and_bind_poses_come_back() {
         let expected = if k < 3 { ours } else { turn.inverse().transform_point3(ours) };
         assert!(expected.as_dvec3().distance(theirs) < 1e-5, "{k}: {expected} {theirs}");
     }
+}
+
+/// The numbers of a GLB's animation, by what it moves: `weights` or another path, and the node's name.
+fn channels(bytes: &[u8]) -> Vec<(String, String, Vec<f32>)> {
+    let glb = gltf::Gltf::from_slice(bytes).unwrap();
+    let data = glb.blob.as_deref().unwrap();
+    let channel = |channel: gltf::animation::Channel<'_>| {
+        let reader = channel.reader(|_| Some(data));
+        let values = match reader.read_outputs().unwrap() {
+            gltf::animation::util::ReadOutputs::MorphTargetWeights(weights) => weights.into_f32().collect(),
+            _ => Vec::new(),
+        };
+        let path = format!("{:?}", channel.target().property());
+        (path, channel.target().node().name().unwrap().to_owned(), values)
+    };
+    glb.animations().next().map(|clip| clip.channels().map(channel).collect()).unwrap_or_default()
+}
+
+#[test]
+fn weights_of_morph_targets_are_animated_where_they_change_and_beside_reduced_keys() {
+    let skeleton = skeleton(&mut Noise(5), 5);
+    let (model, influences) = rich(&skeleton);
+    let mesh = || GlbMesh { influences: Some(&influences), ..GlbMesh::of_model(&model) };
+    let mut flat = model.clone();
+    flat.parts[1].skin = None;
+    let mesh = || GlbMesh { parts: &flat.parts, ..mesh() };
+    let poses = vec![skeleton.rest_pose(); 3];
+    // Smile and frown of the body, wave of the flag, which stays at its own weight.
+    let weights = vec![vec![0.0, 0.25, 0.5], vec![0.5, 0.25, 0.5], vec![1.0, 0.25, 0.5]];
+    let clip = GlbClip { name: "take", times: GlbTimes::EverySeconds(0.5), poses: &poses, weights: &weights };
+    let write =
+        |clip| write_glb(&GlbScene { name: "rich", skeleton: &skeleton, mesh: Some(mesh()), clips: vec![clip] });
+    let expected = ("MorphTargetWeights".to_owned(), "body".to_owned(), vec![0.0, 0.25, 0.5, 0.25, 1.0, 0.25]);
+    let bytes = write(clip).unwrap();
+    keep("weights.glb", &bytes);
+    let all = channels(&bytes);
+    let moved: Vec<_> = all.iter().filter(|(path, ..)| path == "MorphTargetWeights").collect();
+    assert_eq!(moved, [&expected]);
+    // Weights alone, and bones added to the same clip afterwards.
+    let alone = write(GlbClip { poses: &[], ..clip }).unwrap();
+    assert_eq!(channels(&alone), std::slice::from_ref(&expected));
+    let track = armature_formats::motion::KeyTrack {
+        bone: 1,
+        part: armature_formats::motion::KeyedPart::Rotation,
+        interpolation: armature_formats::motion::KeyInterpolation::Linear,
+        times: vec![0.0, 1.0],
+        values: vec![[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]],
+    };
+    let both = armature_formats::motion::add_clip(&alone, "take", &[track]).unwrap();
+    keep("weights_and_keys.glb", &both);
+    let paths: Vec<String> = channels(&both).into_iter().map(|(path, ..)| path).collect();
+    assert_eq!(paths, ["MorphTargetWeights", "Rotation"]);
+    // Rows that do not fit.
+    let refused = |weights: &[Vec<f32>]| {
+        let clips = vec![GlbClip { weights, ..clip }];
+        let scene = GlbScene { name: "rich", skeleton: &skeleton, mesh: Some(mesh()), clips };
+        write_glb(&scene).unwrap_err().to_string()
+    };
+    assert!(refused(&weights[..2]).contains("3 poses and weights for 2"));
+    assert!(refused(&[vec![0.0; 2], vec![0.0; 2], vec![0.0; 2]]).contains("3 morph targets"));
+    assert!(refused(&[vec![0.0; 3], vec![f32::NAN; 3], vec![0.0; 3]]).contains("not finite"));
 }

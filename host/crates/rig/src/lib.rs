@@ -33,6 +33,7 @@
 //! | [`recognise`](mod@recognise) | [`recognise`](fn@recognise) what a skeleton and each of its bones is |
 //! | [`mapping`] | [`propose`] which part drives which bone; [`match_rest`]: the character's rest pose as the puppet's |
 //! | [`ground`] | [`GroundContact::follow`]: roots that follow the foot on the floor |
+//! | [`dynamics`] | [`SpringBones::follow`]: bones that swing |
 //! | [`pose`] | [`StreamSolver::solve`] a sample into a pose |
 //!
 //! Frames: right-handed, +Y up, the character faces +Z. Angles in radians, lengths in the mesh's unit, quaternions (x,
@@ -42,6 +43,7 @@
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests require exactly the documented value"))]
 
 pub mod calibration;
+pub mod dynamics;
 pub mod filter;
 pub mod ground;
 pub mod mapping;
@@ -54,13 +56,18 @@ pub mod steps;
 pub use calibration::{
     Calibration, CalibrationError, PartSettings, SensorCalibration, SensorRange, SkippedSensor, ZeroReport,
 };
+pub use dynamics::{Dynamics, DynamicsError, SpringBone, SpringBones, SpringChain, SpringCollider};
 pub use filter::{DEFAULT_PATIENCE_SECONDS, Filter, FilterError, OneEuro};
 pub use ground::{Ground, GroundContact, GroundError, GroundMode, GroundPoint};
 pub use mapping::{
-    LEAST_REST_TURN, Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind, RestMatch, RestPose,
-    RestTurn, carried, match_rest, match_rest_pose, propose, propose_with,
+    DriveAxis, LEAST_REST_TURN, MOST_CURL, Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind,
+    RestMatch, RestPose, RestTurn, ShapeDrive, SharedJoint, Sharing, carried, match_rest, match_rest_pose, propose,
+    propose_with,
 };
-pub use pose::{BoneQuality, BoneStatus, PoseCompletion, PoseSolver, SampleError, SolveError, StreamSolver};
+pub use pose::{
+    BoneQuality, BoneStatus, PoseCompletion, PoseSolver, SampleError, ShapeError, ShapeWeights, SolveError,
+    StreamSolver,
+};
 pub use puppet::{
     JointAxis, JointTree, JointTreeError, Part, PartKind, PartUid, PartUidError, RawSample, SensorState, joint_angles,
     joint_angles_near, joint_rotation, skeleton_puppet, wrapped,

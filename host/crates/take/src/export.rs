@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use armature_formats::FormatError;
 use armature_formats::fbx::{FbxFile, FbxNotes, write_fbx};
 use armature_formats::gltf::{GlbClip, GlbMesh, GlbScene, write_glb};
+use armature_formats::model::{Expression, set_shapes, targets_of_shape};
 use armature_formats::motion::{add_clip, write_bvh};
 use armature_rig::Skeleton;
 
@@ -12,6 +13,7 @@ use crate::edit::Edited;
 use crate::file::{PackedPose, Take};
 use crate::keys::{KeyError, KeyReport, KeySettings, reduce_keys};
 use crate::replay::{ReplayError, ReplaySummary, solve_again};
+use crate::shapes::ShapeTrack;
 use crate::time::{ResampleError, ResampleSettings, Resampled, Timeline, TimelineReport, resample};
 
 /// The share of an export's progress for solving samples again; resampling takes the rest.
@@ -74,6 +76,8 @@ pub struct TakeMotion {
     pub timeline: TimelineReport,
     /// The result of solving again, if requested.
     pub replay: Option<ReplaySummary>,
+    /// The weights of blend shapes, if the take sets any.
+    pub shapes: Option<ShapeTrack>,
 }
 
 /// A file and everything in it that was not measured.
@@ -85,6 +89,8 @@ pub struct Exported<File> {
     pub motion: TakeMotion,
     /// What reducing the keys saved and changed, if it was asked for.
     pub keys: Option<KeyReport>,
+    /// Shapes that the take sets and that the file does not have, since it has no mesh or the mesh lacks them.
+    pub missing_shapes: Vec<String>,
 }
 
 /// The motion of a take at a constant rate.
@@ -110,7 +116,7 @@ pub fn take_motion(
     let timeline = timeline.ok_or(ResampleError::NoPoses)?;
     let resampled =
         resample(&timeline, &settings.resample, &mut |stage, done| progress(stage, before + (1.0 - before) * done))?;
-    Ok(TakeMotion { resampled, timeline: timeline.report().clone(), replay })
+    Ok(TakeMotion { resampled, timeline: timeline.report().clone(), replay, shapes: ShapeTrack::of(take) })
 }
 
 /// The motion of an edited take at a constant rate.
@@ -122,7 +128,8 @@ pub fn edited_motion(
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<TakeMotion, ExportError> {
     let resampled = edited.at_rate(settings, progress)?;
-    Ok(TakeMotion { resampled, timeline: edited.timeline().report().clone(), replay: None })
+    let (timeline, shapes) = (edited.timeline().report().clone(), edited.shapes.clone());
+    Ok(TakeMotion { resampled, timeline, replay: None, shapes })
 }
 
 /// A take as BVH, which has a value for every frame whatever the settings say of keys.
@@ -136,7 +143,8 @@ pub fn export_bvh(
 
 /// A motion as BVH.
 pub fn bvh_of(motion: TakeMotion) -> Result<Exported<String>, ExportError> {
-    Ok(Exported { file: write_bvh(&motion.resampled.motion)?, motion, keys: None })
+    let missing_shapes = motion.shapes.iter().flat_map(|track| track.names().to_vec()).collect();
+    Ok(Exported { file: write_bvh(&motion.resampled.motion)?, motion, keys: None, missing_shapes })
 }
 
 /// The character that a take is exported with.
@@ -146,6 +154,35 @@ pub struct Surface<'a> {
     pub skeleton: &'a Skeleton,
     /// The mesh and how it follows the bones.
     pub mesh: GlbMesh<'a>,
+    /// Morph targets that are set together.
+    pub expressions: &'a [Expression],
+}
+
+/// For each frame of a motion the weight of each morph target, and the names that the surface does not have. No rows if
+/// the take sets no shape of the surface.
+fn weight_rows(motion: &TakeMotion, surface: Option<&Surface<'_>>) -> (Vec<Vec<f32>>, Vec<String>) {
+    let Some(track) = &motion.shapes else { return (Vec::new(), Vec::new()) };
+    let morphs = surface.map_or(&[][..], |surface| surface.mesh.morph_targets);
+    let expressions = surface.map_or(&[][..], |surface| surface.expressions);
+    let of = |name: &String| targets_of_shape(expressions, morphs, name);
+    let targets: Vec<Vec<(usize, f32)>> = track.names().iter().map(of).collect();
+    let missing = track.names().iter().zip(&targets).filter(|(_, targets)| targets.is_empty());
+    let missing: Vec<String> = missing.map(|(name, _)| name.clone()).collect();
+    if missing.len() == track.names().len() {
+        return (Vec::new(), missing);
+    }
+    let rest: Vec<f32> = morphs.iter().map(|target| target.default_weight).collect();
+    let mut touched = vec![false; rest.len()];
+    let Resampled { motion, start_seconds, .. } = &motion.resampled;
+    let rows = (0..motion.frames.len()).map(|frame| {
+        let mut row = rest.clone();
+        let set: Vec<(&str, f32)> = track.at(start_seconds + frame as f64 * motion.frame_seconds).collect();
+        let place = |name: &str| track.names().iter().position(|known| known == name);
+        let set = set.into_iter().filter_map(|(name, weight)| Some((targets[place(name)?].as_slice(), weight)));
+        set_shapes(set, &mut row, &mut touched);
+        row
+    });
+    (rows.collect(), missing)
 }
 
 /// A take as GLB: skeleton, animation `clip_name`, and the character's skinned mesh if a surface is given.
@@ -173,14 +210,18 @@ pub fn glb_of(
 ) -> Result<Exported<Vec<u8>>, ExportError> {
     check_skeleton(&motion, character, surface)?;
     let scene = |clips| scene_of(&motion, character, surface, clips);
+    let (rows, missing_shapes) = weight_rows(&motion, surface);
+    let clip = GlbClip { weights: &rows, ..GlbClip::of_motion(clip_name, &motion.resampled.motion) };
     let (file, keys) = match keys {
-        None => (write_glb(&scene(vec![GlbClip::of_motion(clip_name, &motion.resampled.motion)]))?, None),
+        None => (write_glb(&scene(vec![clip]))?, None),
         Some(keys) => {
             let reduced = reduce_keys(&motion.resampled.motion, keys, progress)?;
-            (add_clip(&write_glb(&scene(Vec::new()))?, clip_name, &reduced.tracks)?, Some(reduced.report))
+            // Weights of shapes keep a key for every frame.
+            let shapes = if rows.is_empty() { Vec::new() } else { vec![GlbClip { poses: &[], ..clip }] };
+            (add_clip(&write_glb(&scene(shapes))?, clip_name, &reduced.tracks)?, Some(reduced.report))
         }
     };
-    Ok(Exported { file, motion, keys })
+    Ok(Exported { file, motion, keys, missing_shapes })
 }
 
 /// A motion as FBX, with a key for every frame, whatever the settings say of keys; otherwise as [`glb_of`].
@@ -192,9 +233,10 @@ pub fn fbx_of(
     notes: &FbxNotes,
 ) -> Result<Exported<FbxFile>, ExportError> {
     check_skeleton(&motion, character, surface)?;
-    let clips = vec![GlbClip::of_motion(clip_name, &motion.resampled.motion)];
+    let (rows, missing_shapes) = weight_rows(&motion, surface);
+    let clips = vec![GlbClip { weights: &rows, ..GlbClip::of_motion(clip_name, &motion.resampled.motion) }];
     let file = write_fbx(&scene_of(&motion, character, surface, clips), notes)?;
-    Ok(Exported { file, motion, keys: None })
+    Ok(Exported { file, motion, keys: None, missing_shapes })
 }
 
 /// Refuses a surface that is bound to another skeleton than the motion's.

@@ -40,6 +40,7 @@
 //! | [`time`] | [`Timeline::recorded`] puts poses on one timeline; [`resample`] brings them to a constant rate; [`FrameRate`] and [`Timecode`] name frames |
 //! | [`keys`] | [`reduce_keys`]: fewer keys, with a bound on what that changes |
 //! | [`export`] | [`export_bvh`] and [`export_glb`]; [`bvh_of`], [`glb_of`] and [`fbx_of`] of a motion |
+//! | [`shapes`] | [`ShapeTrack::of`] a take: the weights of blend shapes over its time |
 //! | [`summary`] | [`summarize`]: counts, times and losses |
 //! | [`receipt`](mod@receipt) | [`receipt()`]: what the measurement is worth: rate, jitter, losses, lag, drift |
 
@@ -51,6 +52,7 @@ pub mod file;
 pub mod keys;
 pub mod receipt;
 pub mod replay;
+pub mod shapes;
 pub mod summary;
 pub mod time;
 
@@ -64,14 +66,15 @@ pub use export::{
 pub use file::{
     ClockFault, Event, EventKind, Header, InverseKinematicsHeader, MAGIC, MAJOR_VERSION, MAX_PARTS, MAX_PAYLOAD_BYTES,
     MINOR_VERSION, PREAMBLE_BYTES, PackedPose, PayloadError, Problem, RECORD_OVERHEAD_BYTES, ReadReport, Record,
-    RecordKind, Sample, Take, TakeError, TakeWriter, Topology, Totals, UnknownRecords, WriteError,
+    RecordKind, Sample, ShapeSetting, Take, TakeError, TakeWriter, Topology, Totals, UnknownRecords, WriteError,
 };
 pub use keys::{KeyError, KeyReport, KeySettings, ReducedKeys, reduce_keys};
 pub use receipt::{Arrival, FilterLag, Jitter, LAG_AT_SPEEDS, Posing, Receipt, receipt};
 pub use replay::{
-    Completing, Difference, ReplayError, ReplaySummary, Replayed, Verification, replay, solve_again, solve_on_ground,
-    verify, verify_completed,
+    Completing, Difference, ReplayError, ReplaySummary, Replayed, SettingError, Verification, replay, solve_again,
+    solve_on_ground, verify, verify_completed,
 };
+pub use shapes::ShapeTrack;
 pub use summary::{SilentJoint, Summary, summarize};
 pub use time::{
     ClockFaults, ClockRestart, FrameRate, FrameRateError, HeldGap, ResampleError, ResampleSettings, Resampled,

@@ -3,9 +3,12 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use armature_rig::{Ground, GroundError, Pose, PoseCompletion, Skeleton, SolveError, StreamSolver, Transform};
+use armature_rig::{
+    Calibration, DynamicsError, Filter, Ground, GroundError, PartSettings, Pose, PoseCompletion, Skeleton, SolveError,
+    StreamSolver, Transform,
+};
 
-use crate::file::{PackedPose, Record, Sample, Take, same_bits};
+use crate::file::{PackedPose, Record, Sample, ShapeSetting, Take, same_bits};
 
 /// How many samples back a recorded pose may refer to. Programs write a pose right after its sample, or a few samples
 /// later if solving runs on another thread.
@@ -22,17 +25,28 @@ pub enum ReplayError {
         "bones without a joint were posed by inverse kinematics, which needs the character's shape; give the character the take was recorded with"
     )]
     NeedsCharacter,
-    /// A take put together in memory tells the skeleton to stand in a way that it cannot.
+    /// A take put together in memory tells the skeleton to stand or swing in a way that it cannot.
     #[error("record {record}: {why}; record the take again")]
-    Ground {
+    Settings {
         /// Index among the take's records.
         record: usize,
         /// What is wrong.
-        why: GroundError,
+        why: SettingError,
     },
     /// The callback asked to stop.
     #[error("the replay was cancelled")]
     Cancelled,
+}
+
+/// Why a skeleton cannot be posed as a record says.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SettingError {
+    /// It cannot stand like this.
+    #[error(transparent)]
+    Ground(#[from] GroundError),
+    /// It cannot swing like this.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
 }
 
 /// Poses bones without a joint while a take is solved again, if given.
@@ -87,7 +101,7 @@ pub fn replay(
     let mut solver = StreamSolver::new(take.skeleton().ok_or(ReplayError::NoSkeleton)?.clone());
     let mut summary = ReplaySummary::default();
     for (index, record) in take.records().iter().enumerate() {
-        settle(&mut solver, record).map_err(|why| ReplayError::Ground { record: index, why })?;
+        settle(&mut solver, record).map_err(|why| ReplayError::Settings { record: index, why })?;
         let replayed = match record {
             Record::Sample(sample) => {
                 let pose = solver.solve_completed(&sample.raw, completion.as_deref_mut());
@@ -109,18 +123,36 @@ pub fn replay(
     Ok(summary)
 }
 
-/// What a record changes for the samples behind it. An error: its ground does not fit the skeleton.
-pub(crate) fn settle(solver: &mut StreamSolver, record: &Record) -> Result<(), GroundError> {
+/// What a record changes for the samples behind it. An error: its ground or its dynamics do not fit the skeleton.
+pub(crate) fn settle(solver: &mut StreamSolver, record: &Record) -> Result<(), SettingError> {
     match record {
         Record::Topology(topology) => solver.set_topology(topology.epoch, topology.tree.clone()),
         Record::Calibration(calibration) => solver.set_calibration(calibration.clone()),
         Record::Mapping(mapping) => solver.set_mapping(mapping.clone()),
         Record::Engagement { micros, all } => solver.engage(*micros, *all),
         Record::ReadingsReturn { micros } => solver.return_over(*micros),
-        Record::Ground(ground) => return solver.set_ground(ground.clone()),
+        Record::Ground(ground) => solver.set_ground(ground.clone())?,
+        Record::Dynamics(dynamics) => solver.set_dynamics(dynamics.clone())?,
+        Record::Shape(ShapeSetting { name, weight, .. }) => {
+            // Takes hold finite weights only.
+            let _ = solver.set_shape(name, *weight);
+        }
         Record::Skeleton(_) | Record::Sample(_) | Record::Pose(_) | Record::Event(_) => {}
     }
     Ok(())
+}
+
+/// A calibration with this filter on every joint; with `None` as it is.
+pub(crate) fn filtered(calibration: &Calibration, filter: Option<Filter>) -> Calibration {
+    let mut calibration = calibration.clone();
+    if let Some(filter) = filter {
+        calibration.filter = filter;
+        let own: Vec<_> = calibration.set_parts().collect();
+        for (part, settings) in own {
+            calibration.set_part_settings(part, PartSettings { filter: None, ..settings });
+        }
+    }
+    calibration
 }
 
 /// The first recorded pose that the replay does not reproduce.

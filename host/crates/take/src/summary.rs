@@ -142,7 +142,9 @@ pub fn summarize(take: &Take) -> Summary {
             | Record::Mapping(_)
             | Record::Engagement { .. }
             | Record::ReadingsReturn { .. }
-            | Record::Ground(_) => {}
+            | Record::Ground(_)
+            | Record::Shape(_)
+            | Record::Dynamics(_) => {}
         }
     }
     summary.duration_seconds = if summary.samples > 0 { last.saturating_sub(first) as f64 * 1e-6 } else { 0.0 };

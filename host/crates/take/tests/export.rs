@@ -116,7 +116,7 @@ fn a_skinned_glb_gives_mesh_weights_and_motion_back() {
         writer.pose(n as u32, micros, pose).unwrap();
     }
     let take = read(&writer.finish().unwrap());
-    let surface = Surface { skeleton, mesh: GlbMesh::of_model(&fox) };
+    let surface = Surface { skeleton, mesh: GlbMesh::of_model(&fox), expressions: &[] };
     let settings = settings(PoseSource::Recorded, 30.0);
     let exported = export_glb(&take, Some(&surface), "run", &settings, &mut go_on).unwrap();
     let back = read_glb(&exported.file);

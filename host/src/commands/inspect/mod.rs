@@ -6,12 +6,13 @@ mod recognised;
 use std::path::Path;
 
 use armature_character::Character;
-use armature_rig::{GroundMode, Motion, PartUid, Skeleton};
+use armature_rig::{GroundMode, Mapping, Motion, PartUid, ShapeDrive, Skeleton};
 use armature_take::{ClockFault, Record, Summary, Take};
 use serde_json::{Value, json};
 
 use self::mesh::inspect_model;
 use self::recognised::recognised;
+use super::mapping_words::{dynamics_words, mapping_words};
 use crate::cli::args::InspectArgs;
 use crate::failure::Failure;
 use crate::files::inputs::Figure;
@@ -143,6 +144,13 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         let contacts: Vec<&str> = ground.contacts.iter().map(|&bone| skeleton[bone].name.as_str()).collect();
         words.push(format!("{} on the floor: {}", stands(ground.mode), contacts.join(", ")));
     }
+    words.extend(take.dynamics().map(dynamics_words));
+    let mapping = last_mapping(&take);
+    words.extend(mapping.map(mapping_words).unwrap_or_default());
+    let set_by_hand = take.records().iter().filter(|record| matches!(record, Record::Shape(_))).count();
+    if set_by_hand > 0 {
+        words.push(format!("blend shapes were set by hand {}", counted(set_by_hand, "time", "times")));
+    }
     words.push(if report.is_whole() {
         "complete: ended cleanly, every checksum is right".into()
     } else {
@@ -160,7 +168,7 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         counted(joints, "joint", "joints"),
         bones_words(take.skeleton().map_or(0, Skeleton::len))
     ));
-    let value = json!({
+    let mut value = json!({
         "kind": "take", "character": header.character_name, "samples": summary.samples, "poses": summary.poses,
         "seconds": summary.duration_seconds, "lost_samples": summary.lost_samples, "crc_errors": summary.crc_errors,
         "discarded_bytes": summary.discarded_bytes, "restarts": summary.restarts,
@@ -182,6 +190,11 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
         "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "joints": joints,
         "receipt": crate::takes::receipt::to_json(&receipt),
     });
+    value["shared_joints"] = shared_joints(mapping);
+    value["driven_shapes"] = driven_shapes(mapping);
+    value["shapes_set_by_hand"] = set_by_hand.into();
+    value["swinging_bones"] =
+        take.dynamics().map_or(0, |all| all.chains.iter().map(|chain| chain.bones.len()).sum::<usize>()).into();
     Ok((words, value))
 }
 
@@ -225,6 +238,29 @@ fn driven_bone(take: &Take, part: PartUid) -> Option<&str> {
         Record::Mapping(mapping) => {
             mapping.entries.iter().find(|entry| entry.part == part).map(|entry| entry.bone.as_str())
         }
+        _ => None,
+    })
+}
+
+fn shared_joints(mapping: Option<&Mapping>) -> Value {
+    let joints = mapping.map_or(&[][..], |mapping| &mapping.shared).iter();
+    joints.map(|joint| json!({ "part": joint.part.to_string(), "bones": joint.bones })).collect()
+}
+
+fn driven_shapes(mapping: Option<&Mapping>) -> Value {
+    let drives = mapping.map_or(&[][..], |mapping| &mapping.shapes).iter();
+    let one = |drive: &ShapeDrive| {
+        json!({
+            "part": drive.part.to_string(), "shape": drive.shape, "axis": drive.axis.to_string(),
+            "degrees": drive.degrees, "weights": drive.weights,
+        })
+    };
+    drives.map(one).collect()
+}
+
+fn last_mapping(take: &Take) -> Option<&Mapping> {
+    take.records().iter().rev().find_map(|record| match record {
+        Record::Mapping(mapping) => Some(mapping),
         _ => None,
     })
 }

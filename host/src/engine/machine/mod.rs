@@ -32,8 +32,10 @@ use super::puppeteer::{Puppeteer, ZeroPolicy};
 use super::run::{Run, STATUS_SECONDS};
 use super::run_summary::RunSummary;
 use crate::characters::LoadedCharacter;
+use crate::characters::dynamics::DynamicsArgs;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
+use crate::characters::shapes::ShapeWeight;
 use crate::failure::Failure;
 use crate::takes::orders::TakeOrder;
 
@@ -60,6 +62,10 @@ pub struct EngineSettings {
     pub ik: IkArgs,
     /// How the roots follow the feet.
     pub ground: GroundArgs,
+    /// What swings.
+    pub dynamics: DynamicsArgs,
+    /// Shapes of the character that are set from the start.
+    pub shapes: Vec<ShapeWeight>,
     /// The durations of calibration steps.
     pub step_times: StepTimes,
     /// Whether frames are drawn.
@@ -76,6 +82,8 @@ impl Default for EngineSettings {
             calibration: Calibration::default(),
             ik: IkArgs::default(),
             ground: GroundArgs::default(),
+            dynamics: DynamicsArgs::default(),
+            shapes: Vec::new(),
             step_times: StepTimes::default(),
             draws: true,
         }
@@ -334,12 +342,14 @@ impl Engine {
             (None, _) => &self.settings.calibration,
         };
         let hints = if let Line::Open(open) = &self.line { open.hints.clone() } else { PuppetHints::default() };
-        let EngineSettings { mapping, zero_policy, puppet_rest, ik, ground, .. } = &self.settings;
+        let EngineSettings { mapping, zero_policy, puppet_rest, ik, ground, dynamics, shapes, .. } = &self.settings;
         let puppeteer = Puppeteer::new(character.clone(), mapping.clone(), calibration.clone(), *zero_policy)?
             .with_puppet_rest(*puppet_rest)
             .with_hints(hints)
             .with_inverse_kinematics(ik)?
-            .with_ground(ground)?;
+            .with_ground(ground)?
+            .with_dynamics(dynamics)?
+            .with_shapes(shapes)?;
         shell.tell(EngineEvent::CharacterLoaded(character));
         self.frame_waits = false;
         match &mut self.pipeline {

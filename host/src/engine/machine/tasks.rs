@@ -30,7 +30,8 @@ impl Engine {
         let latency = shell.age(open.began + received);
         pipeline.posed(latency);
         if let Some(sample) = pipeline.latest_sample() {
-            shell.posed(sample.device_micros as f64 * 1e-6, pipeline.puppeteer().model_from_bone());
+            let (seconds, puppeteer) = (sample.device_micros as f64 * 1e-6, pipeline.puppeteer());
+            shell.posed(seconds, puppeteer.model_from_bone(), puppeteer.shapes());
         }
         if self.settings.draws {
             self.frame_clock.sample(latency.unwrap_or_default(), now);

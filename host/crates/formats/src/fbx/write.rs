@@ -35,7 +35,7 @@ pub struct FbxFile {
 /// Writes a scene as binary FBX 7.4: metres, +Y up, facing +Z. The bones are limbs with joint rotations of zero at rest
 /// (the rest is their pre-rotation), below a node named after the character; meshes have a skin with one cluster for each
 /// bone they follow, one blend shape channel for each morph target, and their materials with the images in the file.
-/// Clips are animation stacks with a key for each pose, in the format's own ticks, 46,186,158,000 a second; the scene has
+/// Clips are animation stacks with a key for each pose, also of the blend shapes that change, in the format's own ticks, 46,186,158,000 a second; the scene has
 /// the rate of the first.
 ///
 /// ```
@@ -67,15 +67,16 @@ fn file_of(scene: &GlbScene, notes: &FbxNotes) -> Result<FbxFile, FormatError> {
     let mut document = Document::new();
     let mut left_out = Vec::new();
     let limbs = write_skeleton(&mut document, &format!("{}_skeleton", scene.name), scene.skeleton, &notes.properties);
-    let mut bound = write_surface(&mut document, scene, &limbs, &mut left_out)?;
+    let surface = write_surface(&mut document, scene, &limbs, &mut left_out)?;
+    let mut bound = surface.models;
     bound.extend(limbs.iter().copied().zip(rest_frames(scene.skeleton)));
     write_bind_pose(&mut document, scene.name, &bound);
     let mut takes = Vec::new();
     for clip in &scene.clips {
-        takes.push(write_clip(&mut document, scene.skeleton, clip, &limbs)?);
+        takes.push(write_clip(&mut document, scene, clip, &limbs, &surface.channels)?);
     }
     let even = scene.clips.iter().find_map(|clip| match clip.times {
-        GlbTimes::EverySeconds(seconds) => Some((seconds, clip.poses.len())),
+        GlbTimes::EverySeconds(seconds) => Some((seconds, clip.keys())),
         GlbTimes::At(_) => None,
     });
     let (frame_seconds, frames) = even.unwrap_or((USUAL_FRAME_SECONDS, 1));

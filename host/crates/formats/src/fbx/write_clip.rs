@@ -1,16 +1,15 @@
 //! Clips as animation stacks, and the rate of their frames.
 
-use armature_rig::Skeleton;
-
 use super::euler::nearest_angles;
 use super::write_document::{
     Document, Id, Node, Value, enum_property, number_property, properties, property, time_property,
 };
+use super::write_mesh::ShapeChannel;
 use super::write_skeleton::rest_rotation;
 use crate::FormatError;
-use crate::gltf::GlbClip;
 use crate::gltf::scene::bad;
-use crate::gltf::write_clip::{check_poses, clip_seconds};
+use crate::gltf::write_clip::{check_poses, check_weights, clip_seconds};
+use crate::gltf::{GlbClip, GlbScene};
 
 /// The format's unit of time, in parts of a second: whole at every common rate.
 pub(super) const TICKS: f64 = 46_186_158_000.0;
@@ -54,14 +53,18 @@ pub(super) fn ticks(seconds: f64) -> i64 {
 }
 
 /// Adds a clip and returns its entry in the list of takes; bones that stay at rest throughout get no curves.
+#[expect(clippy::float_cmp, reason = "a shape that was never touched is at rest bit for bit")]
 pub(super) fn write_clip(
     document: &mut Document,
-    skeleton: &Skeleton,
+    scene: &GlbScene,
     clip: &GlbClip,
     limbs: &[Id],
+    channels: &[ShapeChannel],
 ) -> Result<Node, FormatError> {
+    let skeleton = scene.skeleton;
     let seconds = clip_seconds(clip)?;
     check_poses(skeleton, clip)?;
+    check_weights(scene.mesh.as_ref(), clip)?;
     let late = seconds.last().is_some_and(|last| *last * TICKS > (1_i64 << 62) as f64);
     if late {
         return Err(bad(format!("the clip {:?} is too long", clip.name), "Export a part of it"));
@@ -85,7 +88,7 @@ pub(super) fn write_clip(
             curves.write(document, limb, ["T", "Lcl Translation"], &values);
         }
         // A stack needs a curve, even if nothing moves.
-        if index == 0 || track().any(|t| t.rotation != bone.rest.rotation) {
+        if !clip.poses.is_empty() && (index == 0 || track().any(|t| t.rotation != bone.rest.rotation)) {
             let at_rest = rest_rotation(bone).inverse();
             let mut angles = [0.0; 3];
             let values = track().map(|t| {
@@ -98,6 +101,13 @@ pub(super) fn write_clip(
         if track().any(|t| t.scale != bone.rest.scale) {
             let values: Vec<[f64; 3]> = track().map(|t| t.scale.as_dvec3().to_array()).collect();
             curves.write(document, limb, ["S", "Lcl Scaling"], &values);
+        }
+    }
+    for ShapeChannel { id, target } in channels {
+        let rest = scene.mesh.map_or(0.0, |surface| surface.morph_targets[*target].default_weight);
+        if clip.weights.iter().any(|row| row[*target] != rest) {
+            let percents: Vec<f32> = clip.weights.iter().map(|row| 100.0 * row[*target]).collect();
+            curves.write_percent(document, *id, percents);
         }
     }
     let time = |name| Node::new(name, vec![first.into(), last.into()]);
@@ -121,17 +131,32 @@ impl Curves {
         document.connect_property(node, limb, property);
         for (k, axis) in axes.iter().enumerate() {
             let track: Vec<f32> = values.iter().map(|value| value[k] as f32).collect();
-            let children = vec![
-                Node::of("Default", start[k]),
-                Node::of("KeyVer", KEY_VERSION),
-                Node::of("KeyTime", Value::Longs(self.times.clone())),
-                Node::of("KeyValueFloat", Value::Floats(track)),
-                Node::of("KeyAttrFlags", Value::Ints(vec![LINEAR])),
-                Node::of("KeyAttrDataFloat", Value::Floats(vec![0.0; 4])),
-                Node::of("KeyAttrRefCount", Value::Ints(vec![self.times.len() as i32])),
-            ];
-            let curve = document.add("AnimationCurve", ["", "AnimCurve"], "", children);
-            document.connect_property(curve, node, axis);
+            self.write_curve(document, node, axis, start[k], track);
         }
+    }
+
+    /// The curve of a blend shape, percent.
+    fn write_percent(&self, document: &mut Document, channel: Id, percents: Vec<f32>) {
+        let start = f64::from(percents.first().copied().unwrap_or_default());
+        let defaults = vec![number_property("d|DeformPercent", start)];
+        let name = ["DeformPercent", "AnimCurveNode"];
+        let node = document.add("AnimationCurveNode", name, "", vec![properties(defaults)]);
+        document.connect(node, self.layer);
+        document.connect_property(node, channel, "DeformPercent");
+        self.write_curve(document, node, "d|DeformPercent", start, percents);
+    }
+
+    fn write_curve(&self, document: &mut Document, node: Id, property: &str, start: f64, values: Vec<f32>) {
+        let children = vec![
+            Node::of("Default", start),
+            Node::of("KeyVer", KEY_VERSION),
+            Node::of("KeyTime", Value::Longs(self.times.clone())),
+            Node::of("KeyValueFloat", Value::Floats(values)),
+            Node::of("KeyAttrFlags", Value::Ints(vec![LINEAR])),
+            Node::of("KeyAttrDataFloat", Value::Floats(vec![0.0; 4])),
+            Node::of("KeyAttrRefCount", Value::Ints(vec![self.times.len() as i32])),
+        ];
+        let curve = document.add("AnimationCurve", ["", "AnimCurve"], "", children);
+        document.connect_property(curve, node, property);
     }
 }

@@ -17,17 +17,32 @@ use crate::gltf::pieces::{Cut, Piece, bound_frames};
 use crate::gltf::scene::bad;
 use crate::gltf::write_skin::whole_row;
 
-/// Writes the surface of a scene; returns where its meshes are, for the bind pose.
+/// The channel of a blend shape.
+pub(super) struct ShapeChannel {
+    pub(super) id: Id,
+    /// Its morph target's place in the surface's list.
+    pub(super) target: usize,
+}
+
+/// The meshes of a scene, and what moves them.
+#[derive(Default)]
+pub(super) struct WrittenSurface {
+    /// Where the meshes are, for the bind pose.
+    pub(super) models: Vec<(Id, DAffine3)>,
+    pub(super) channels: Vec<ShapeChannel>,
+}
+
+/// Writes the surface of a scene.
 pub(super) fn write_surface(
     document: &mut Document,
     scene: &GlbScene,
     limbs: &[Id],
     left_out: &mut Vec<String>,
-) -> Result<Vec<(Id, DAffine3)>, FormatError> {
-    let Some(surface) = &scene.mesh else { return Ok(Vec::new()) };
+) -> Result<WrittenSurface, FormatError> {
+    let Some(surface) = &scene.mesh else { return Ok(WrittenSurface::default()) };
     let cut = Cut::of(surface)?;
     let materials = write_materials(document, surface.materials, scene.name, left_out);
-    let mut models = Vec::new();
+    let mut written = WrittenSurface::default();
     for group in cut.pieces.chunk_by(Piece::goes_with) {
         let part = &group[0].part;
         let name = if part.name.is_empty() { scene.name } else { &part.name };
@@ -41,14 +56,16 @@ pub(super) fn write_surface(
             let material = material.unwrap_or_else(|| write_plain_material(document));
             document.connect(material, own);
         }
-        write_shapes(document, name, geometry, group, &points);
+        let channels = write_shapes(document, name, geometry, group, &points);
+        let targets = group[0].targets_in(surface);
+        written.channels.extend(channels.into_iter().zip(targets).map(|(id, target)| ShapeChannel { id, target }));
         if !limbs.is_empty() {
             let (frames, _) = bound_frames(surface, scene.skeleton, part.skin)?;
             write_skin(document, name, geometry, &Skinned { scene, cut: &cut, limbs, frames: &frames }, &points)?;
         }
-        models.push((own, DAffine3::IDENTITY));
+        written.models.push((own, DAffine3::IDENTITY));
     }
-    Ok(models)
+    Ok(written)
 }
 
 /// The vertices of a mesh in the file.
@@ -208,10 +225,12 @@ fn displayed(linear: f32) -> f64 {
 }
 
 /// A channel for each morph target of the group.
-fn write_shapes(document: &mut Document, name: &str, geometry: Id, group: &[Piece], points: &Points) {
+/// Returns the channel of each morph target.
+fn write_shapes(document: &mut Document, name: &str, geometry: Id, group: &[Piece], points: &Points) -> Vec<Id> {
     let targets = &group[0].targets;
+    let mut channels = Vec::with_capacity(targets.len());
     if targets.is_empty() {
-        return;
+        return channels;
     }
     let version = || Node::of("Version", 100);
     let blend = document.add("Deformer", [name, "Deformer"], "BlendShape", vec![version()]);
@@ -259,7 +278,9 @@ fn write_shapes(document: &mut Document, name: &str, geometry: Id, group: &[Piec
         let channel = document.add("Deformer", [&target.name, "SubDeformer"], "BlendShapeChannel", children);
         document.connect(channel, blend);
         document.connect(shape, channel);
+        channels.push(channel);
     }
+    channels
 }
 
 /// What a skin follows.

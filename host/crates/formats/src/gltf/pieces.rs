@@ -26,6 +26,12 @@ impl Piece<'_> {
             && self.targets.iter().map(|t| shape(t)).eq(other.targets.iter().map(|t| shape(t)))
     }
 
+    /// Where its morph targets are in the surface's list.
+    pub(crate) fn targets_in(&self, surface: &GlbMesh) -> Vec<usize> {
+        let place = |own: &&MorphTarget| surface.morph_targets.iter().position(|target| std::ptr::eq(target, *own));
+        self.targets.iter().filter_map(place).collect()
+    }
+
     /// Its drawn vertices.
     pub(crate) fn drawn(&self) -> Range<usize> {
         self.part.vertices.start as usize..self.part.vertices.end as usize

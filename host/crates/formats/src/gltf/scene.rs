@@ -60,8 +60,11 @@ pub struct GlbClip<'a> {
     pub name: &'a str,
     /// The times of its poses.
     pub times: GlbTimes<'a>,
-    /// One pose per key, on the scene's skeleton; rotations between keys take the shortest path.
+    /// One pose per key, on the scene's skeleton; rotations between keys take the shortest path. Empty if only the weights
+    /// change.
     pub poses: &'a [Pose],
+    /// For each key one weight per morph target of the scene's mesh, in its order; empty if they do not change.
+    pub weights: &'a [Vec<f32>],
 }
 
 impl<'a> GlbMesh<'a> {
@@ -85,7 +88,12 @@ impl<'a> GlbMesh<'a> {
 impl<'a> GlbClip<'a> {
     /// A clip of a motion at its own rate.
     pub fn of_motion(name: &'a str, motion: &'a Motion) -> Self {
-        Self { name, times: GlbTimes::EverySeconds(motion.frame_seconds), poses: &motion.frames }
+        Self { name, times: GlbTimes::EverySeconds(motion.frame_seconds), poses: &motion.frames, weights: &[] }
+    }
+
+    /// Number of keys.
+    pub fn keys(&self) -> usize {
+        if self.poses.is_empty() { self.weights.len() } else { self.poses.len() }
     }
 }
 

@@ -36,14 +36,16 @@ pub fn write_glb(scene: &GlbScene) -> Result<Vec<u8>, FormatError> {
     builder.root.asset.generator = Some(concat!("Armature ", env!("CARGO_PKG_VERSION")).to_owned());
     let (armature, joints) = write_skeleton(&mut builder, scene);
     let mut roots: Vec<Index<Node>> = armature.into_iter().collect();
+    let mut meshes = Vec::new();
     if let Some(mesh) = &scene.mesh {
-        roots.extend(write_surface(&mut builder, scene, mesh, &joints)?);
+        meshes = write_surface(&mut builder, scene, mesh, &joints)?;
+        roots.extend(meshes.iter().map(|mesh| mesh.node));
     } else if !joints.is_empty() {
         // Programs make an armature of a skin; without one the bones would be plain nodes.
         write_skin(&mut builder, scene.name, &rest_frames(scene.skeleton), &joints);
     }
     for clip in &scene.clips {
-        write_clip(&mut builder, scene.skeleton, clip, &joints)?;
+        write_clip(&mut builder, scene.skeleton, clip, &joints, &meshes, scene.mesh.as_ref())?;
     }
     if roots.is_empty() {
         return Err(bad("there is neither a mesh nor a skeleton to write", "Export a character"));

@@ -9,7 +9,8 @@ use gltf_json::validation::Checked;
 use gltf_json::{Extras, Index};
 
 use super::buffer::Builder;
-use super::scene::{GlbClip, GlbTimes, bad};
+use super::scene::{GlbClip, GlbMesh, GlbTimes, bad};
+use super::write_surface::MeshNode;
 use crate::FormatError;
 
 /// Adds the clip; bones that stay at rest throughout get no channel.
@@ -19,9 +20,12 @@ pub(super) fn write_clip(
     skeleton: &Skeleton,
     clip: &GlbClip,
     joints: &[Index<Node>],
+    meshes: &[MeshNode],
+    surface: Option<&GlbMesh>,
 ) -> Result<(), FormatError> {
     let times = key_times(clip)?;
     check_poses(skeleton, clip)?;
+    check_weights(surface, clip)?;
     let input = builder.floats(&times, Type::Scalar, None);
     let mut animation = Animation {
         extensions: None,
@@ -40,7 +44,7 @@ pub(super) fn write_clip(
             channel(Property::Translation, builder.floats(&values, Type::Vec3, None));
         }
         // An animation needs a channel, even if nothing moves.
-        if index == 0 || moves(|t| t.rotation.to_array()) {
+        if !clip.poses.is_empty() && (index == 0 || moves(|t| t.rotation.to_array())) {
             let values = continuous(track().map(|t| t.rotation));
             channel(Property::Rotation, builder.floats(&values, Type::Vec4, None));
         }
@@ -48,6 +52,18 @@ pub(super) fn write_clip(
             let values: Vec<[f32; 3]> = track().map(|t| t.scale.to_array()).collect();
             channel(Property::Scale, builder.floats(&values, Type::Vec3, None));
         }
+    }
+    for MeshNode { node, targets } in meshes.iter().filter(|mesh| !mesh.targets.is_empty()) {
+        let rest = |target: usize| surface.map_or(0.0, |surface| surface.morph_targets[target].default_weight);
+        if clip.weights.iter().any(|row| targets.iter().any(|&target| row[target] != rest(target))) {
+            let rows = clip.weights.iter().flat_map(|row| targets.iter().map(|&target| [row[target]]));
+            let values: Vec<[f32; 1]> = rows.collect();
+            let output = builder.floats(&values, Type::Scalar, None);
+            add(&mut animation, input, *node, Property::MorphTargetWeights, output);
+        }
+    }
+    if animation.channels.is_empty() {
+        return Ok(());
     }
     builder.root.animations.push(animation);
     Ok(())
@@ -75,7 +91,7 @@ fn add(
 /// Whether every pose of a clip can be written.
 pub(crate) fn check_poses(skeleton: &Skeleton, clip: &GlbClip) -> Result<(), FormatError> {
     let remedy = "Record the clip again";
-    if skeleton.is_empty() || clip.poses.is_empty() {
+    if skeleton.is_empty() || clip.keys() == 0 {
         return Err(bad(format!("the clip {:?} has no poses or moves no bones", clip.name), "Leave the clip out"));
     }
     for (index, pose) in clip.poses.iter().enumerate() {
@@ -92,15 +108,36 @@ pub(crate) fn check_poses(skeleton: &Skeleton, clip: &GlbClip) -> Result<(), For
     Ok(())
 }
 
+/// Whether the weights of a clip's morph targets can be written with this surface.
+pub(crate) fn check_weights(surface: Option<&GlbMesh>, clip: &GlbClip) -> Result<(), FormatError> {
+    if clip.weights.is_empty() {
+        return Ok(());
+    }
+    let wrong = |what: String| Err(bad(format!("the clip {:?} {what}", clip.name), "Record the clip again"));
+    let targets = surface.map_or(0, |surface| surface.morph_targets.len());
+    if clip.weights.len() != clip.keys() {
+        return wrong(format!("has {} poses and weights for {}", clip.keys(), clip.weights.len()));
+    }
+    for (key, row) in clip.weights.iter().enumerate() {
+        if row.len() != targets {
+            return wrong(format!("has {} weights at pose {key}, but the mesh has {targets} morph targets", row.len()));
+        }
+        if !row.iter().all(|weight| weight.is_finite()) {
+            return wrong(format!("has a weight at pose {key} that is not finite"));
+        }
+    }
+    Ok(())
+}
+
 /// The time of every pose in seconds, strictly increasing.
 pub(crate) fn clip_seconds(clip: &GlbClip) -> Result<Vec<f64>, FormatError> {
     let wrong = |what: &str| bad(format!("the clip {:?} {what}", clip.name), "Record the clip again");
     let seconds: Vec<f64> = match clip.times {
         GlbTimes::EverySeconds(step) if step.is_finite() && step > 0.0 => {
-            (0..clip.poses.len()).map(|k| k as f64 * step).collect()
+            (0..clip.keys()).map(|k| k as f64 * step).collect()
         }
         GlbTimes::EverySeconds(_) => return Err(wrong("has frames of zero length")),
-        GlbTimes::At(times) if times.len() == clip.poses.len() => times.to_vec(),
+        GlbTimes::At(times) if times.len() == clip.keys() => times.to_vec(),
         GlbTimes::At(_) => return Err(wrong("has different numbers of times and poses")),
     };
     if !seconds.iter().all(|s| s.is_finite() && (*s as f32).is_finite() && *s >= 0.0) {
@@ -144,7 +181,7 @@ mod tests {
     fn times_rise_even_where_they_round_to_one() {
         let poses = vec![armature_rig::Pose::default(); 3];
         let times = [1e6, 1e6 + 1e-4, 1e6 + 2e-4];
-        let clip = GlbClip { name: "long", times: GlbTimes::At(&times), poses: &poses };
+        let clip = GlbClip { name: "long", times: GlbTimes::At(&times), poses: &poses, weights: &[] };
         let keys = key_times(&clip).unwrap();
         assert!(keys.windows(2).all(|w| w[0][0] < w[1][0]), "{keys:?}");
         for bad in [[0.0, 0.0, 1.0], [0.0, 2.0, 1.0], [-1.0, 0.0, 1.0], [0.0, f64::NAN, 1.0]] {

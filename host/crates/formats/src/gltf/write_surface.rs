@@ -16,13 +16,20 @@ use super::write_skin::{Attributes, write_influences, write_skin};
 use crate::FormatError;
 use crate::model::{MeshPart, MorphTarget};
 
+/// A mesh in the scene.
+pub(super) struct MeshNode {
+    pub(super) node: Index<Node>,
+    /// Where its morph targets are in the surface's list.
+    pub(super) targets: Vec<usize>,
+}
+
 /// One mesh node for neighbouring parts of one name, with one primitive per part.
 pub(super) fn write_surface(
     builder: &mut Builder,
     scene: &GlbScene,
     surface: &GlbMesh,
     joints: &[Index<Node>],
-) -> Result<Vec<Index<Node>>, FormatError> {
+) -> Result<Vec<MeshNode>, FormatError> {
     let cut = Cut::of(surface)?;
     let materials = write_materials(builder, surface.materials);
     let mut skins: Vec<(Option<u32>, Index<GltfSkin>)> = Vec::new();
@@ -48,7 +55,8 @@ pub(super) fn write_surface(
         let skin =
             if joints.is_empty() { None } else { Some(skin_of(builder, scene, surface, joints, *skin, &mut skins)?) };
         let node = Node { name: Some(name.to_owned()), mesh: Some(mesh), skin, ..Node::default() };
-        nodes.push(Index::push(&mut builder.root.nodes, node));
+        let targets = group[0].targets_in(surface);
+        nodes.push(MeshNode { node: Index::push(&mut builder.root.nodes, node), targets });
     }
     Ok(nodes)
 }

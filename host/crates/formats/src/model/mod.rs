@@ -7,6 +7,7 @@ mod material;
 mod parts;
 mod resolver;
 pub(crate) mod seams;
+mod shape;
 pub(crate) mod texture;
 
 pub use avatar::{Avatar, Expression, HumanoidBone, SpringChain, SpringCollider, SpringJoint};
@@ -14,3 +15,4 @@ pub use contents::{Model, ModelRig, Skin, Split};
 pub use material::{AlphaMode, GreyMaps, Material, Texture, Wrap};
 pub use parts::{MeshPart, MorphTarget, PartError, check_parts};
 pub use resolver::Resolver;
+pub use shape::{set_shapes, targets_of_shape};

@@ -54,7 +54,8 @@ fn bad(what: impl Into<String>) -> FormatError {
     FormatError::whole("GLB", what, REMEDY)
 }
 
-/// A GLB with one more animation, of these tracks, on the bones of its first skin.
+/// A GLB with one more animation, of these tracks, on the bones of its first skin. An animation of that name that is there
+/// already gets them in addition to what it moves.
 ///
 /// ```
 /// use armature_formats::gltf::{GlbScene, write_glb};
@@ -85,7 +86,11 @@ pub fn add_clip(glb: &[u8], name: &str, tracks: &[KeyTrack]) -> Result<Vec<u8>, 
     let skins: Vec<Skin> = file.list("skins")?;
     let joints = &skins.first().ok_or_else(|| bad("the file has no bones"))?.joints;
     let mut inputs: BTreeMap<Vec<u32>, usize> = BTreeMap::new();
-    let (mut samplers, mut channels) = (Vec::new(), Vec::new());
+    let mut animations: Vec<Box<RawValue>> = file.list("animations")?;
+    let parsed = animations.iter().map(|text| parse::<Value>(text)).collect::<Result<Vec<_>, _>>()?;
+    let known = parsed.iter().position(|animation| animation["name"] == name);
+    let list = |key: &str| known.and_then(|at| parsed[at][key].as_array().cloned()).unwrap_or_default();
+    let (mut samplers, mut channels) = (list("samplers"), list("channels"));
     for track in tracks {
         check(name, track)?;
         let node = joints.get(track.bone).ok_or_else(|| bad(format!("the file has no bone {}", track.bone)))?;
@@ -111,7 +116,12 @@ pub fn add_clip(glb: &[u8], name: &str, tracks: &[KeyTrack]) -> Result<Vec<u8>, 
         channels.push(json!({"sampler": samplers.len(), "target": {"node": node, "path": path}}));
         samplers.push(json!({"input": input, "output": output, "interpolation": interpolation}));
     }
-    file.append("animations", &json!({"name": name, "samplers": samplers, "channels": channels}))?;
+    let animation = raw(&json!({"name": name, "samplers": samplers, "channels": channels}))?;
+    match known {
+        Some(at) => animations[at] = animation,
+        None => animations.push(animation),
+    }
+    file.set("animations", &animations)?;
     file.write()
 }
 

@@ -2,8 +2,10 @@
 
 use glam::Quat;
 
+use super::error::MappingError;
 use super::rest_turn::RestTurn;
-use crate::calibration::CalibrationError;
+use super::shape_drive::ShapeDrive;
+use super::shares::SharedJoint;
 use crate::puppet::PartUid;
 use crate::skeleton::{Bone, Skeleton};
 
@@ -29,7 +31,7 @@ impl MappingEntry {
 
 /// Which part drives which bone.
 ///
-/// A part drives at most one bone, unless it is [carried](Self::carried). Several parts may drive one bone: their rotations compose in tree order, from the
+/// A part drives at most one bone, unless it is [carried](Self::carried) or [shared](Self::shared). Several parts may drive one bone: their rotations compose in tree order, from the
 /// puppet's root outwards. Bones without a part stay in the rest pose. Parts that are not plugged in are kept, so that
 /// one mapping serves a puppet that is taken apart and put back together.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,9 +44,24 @@ pub struct Mapping {
     /// What turns the character's rest pose into the one in which the puppet is zeroed; a bone at most once. Empty: the
     /// puppet is zeroed in the character's rest pose.
     pub rest: Vec<RestTurn>,
+    /// Joints of `entries` that turn several bones; a part at most once.
+    pub shared: Vec<SharedJoint>,
+    /// Joints that blend shapes of the character; a shape at most once. Their parts need no bone.
+    pub shapes: Vec<ShapeDrive>,
 }
 
 impl Mapping {
+    /// For each bone of the skeleton whether a joint drives it, alone or with others.
+    pub fn driven_bones(&self, skeleton: &Skeleton) -> Vec<bool> {
+        let mut driven = vec![false; skeleton.len()];
+        let own = self.entries.iter().map(|entry| entry.bone.as_str());
+        let shared = self.shared.iter().flat_map(|joint| joint.bones.iter().map(|(bone, _)| bone.as_str()));
+        for bone in own.chain(shared).filter_map(|name| skeleton.find(name)) {
+            driven[bone] = true;
+        }
+        driven
+    }
+
     /// The character's skeleton with the bones turned as [`rest`](Self::rest) says: what the puppet's zero looks like.
     /// Without turns it is the skeleton itself, bit for bit.
     pub fn rested(&self, skeleton: &Skeleton) -> Result<Skeleton, MappingError> {
@@ -68,58 +85,4 @@ impl Mapping {
         }
         Skeleton::new(bones).map_err(|_| MappingError::BadRestTurn { bone: String::new() })
     }
-}
-
-/// Why a mapping cannot be used with this puppet and this skeleton.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MappingError {
-    /// The skeleton has no such bone.
-    #[error("part {part} is mapped to the bone {bone:?}, which the skeleton does not have{}", nearest.as_ref().map_or_else(String::new, |n| format!("; did you mean {n:?}?")))]
-    UnknownBone {
-        /// The part.
-        part: PartUid,
-        /// The name given.
-        bone: String,
-        /// A bone whose name differs only in case or prefix.
-        nearest: Option<String>,
-    },
-    /// Two entries for one part.
-    #[error("part {part} is mapped twice, to {first:?} and to {second:?}; a part drives only one bone")]
-    PartTwice {
-        /// The part.
-        part: PartUid,
-        /// Bone of the first entry.
-        first: String,
-        /// Bone of the second entry.
-        second: String,
-    },
-    /// A splitter has no sensor.
-    #[error("part {part} is a splitter without a sensor; it cannot drive {bone:?}")]
-    Splitter {
-        /// The part.
-        part: PartUid,
-        /// The bone.
-        bone: String,
-    },
-    /// The mounting is NaN or not a unit quaternion.
-    #[error("the mounting of part {part} is not a rotation; it must be a unit quaternion (x, y, z, w)")]
-    BadMounting {
-        /// The part.
-        part: PartUid,
-    },
-    /// The skeleton has no such bone to turn.
-    #[error("the mapping turns the rest pose of the bone {bone:?}, which the skeleton does not have")]
-    UnknownRestBone {
-        /// The name given.
-        bone: String,
-    },
-    /// A bone's rest is turned twice, or by something that is no number.
-    #[error("the rest pose of the bone {bone:?} is turned twice, or its turn is not a finite number of degrees")]
-    BadRestTurn {
-        /// The bone.
-        bone: String,
-    },
-    /// The calibration does not fit the parts.
-    #[error(transparent)]
-    Calibration(#[from] CalibrationError),
 }

@@ -9,6 +9,7 @@ use super::entries::{Mapping, MappingEntry};
 use super::hints::{PuppetHints, PuppetKind};
 use super::prices::{kind_of, prices};
 use super::puppet_plan::{PuppetPlan, puppet_plan};
+use super::share_proposal::proposed_shares;
 use super::symmetry::Judge;
 use crate::puppet::{JointTree, PartUid};
 use crate::recognise::body_plan::{BoneTraits, body_plan};
@@ -42,7 +43,8 @@ pub struct Proposal {
 /// much is attached below, what is alike on both sides. Where shape alone cannot decide (left or right, one finger or
 /// the next), outlets and bones are paired in the order of [`ChildOrder`]: a splitter's outlets are expected to run from
 /// the character's left to its right, and on each side from front to back. Bone names are used only to guess what a bone
-/// is (a finger, a tail, toes, a collarbone) and thus whether it usually has a joint.
+/// is (a finger, a tail, toes, a collarbone) and thus whether it usually has a joint. The only joint of a spine, neck or
+/// tail of several bones is shared by all of them ([`Mapping::shared`]).
 ///
 /// ```
 /// use armature_rig::{Bone, PartUid, Skeleton, Transform, propose, skeleton_puppet};
@@ -71,7 +73,7 @@ pub fn propose_with(tree: &JointTree, skeleton: &Skeleton, hints: &PuppetHints) 
     let order = ChildOrder::new(skeleton);
     let mut traits = body_plan(skeleton);
     let recognition = recognise_by(skeleton, &traits);
-    for (bone, recognised) in traits.iter_mut().zip(recognition.bones) {
+    for (bone, recognised) in traits.iter_mut().zip(&recognition.bones) {
         if let Some(recognised) = recognised {
             bone.meaning = bone.meaning.with_place(recognised.bone.part);
         }
@@ -104,14 +106,12 @@ pub fn propose_with(tree: &JointTree, skeleton: &Skeleton, hints: &PuppetHints) 
     let bone_of_joint = if same { aligned.clone() } else { judge.symmetric(aligned.clone()) };
     let mut proposal = Proposal { ambiguities: equal_branches(tree, joints, part_of_joint), ..Proposal::default() };
     proposal.ambiguities.extend(doubts(tree, &plan, &bone_of_joint, hints));
-    let mut driven = vec![false; skeleton.len()];
     for (joint, &part) in part_of_joint.iter().enumerate() {
         let uid = tree.parts()[part].uid;
         let Some(bone) = bone_of_joint[joint] else {
             proposal.unmapped_parts.push(uid);
             continue;
         };
-        driven[bone] = true;
         // Where one side does as the other, it is as sure as that one.
         let surer = if aligned[joint] == Some(bone) { joint } else { twin_of(&plan, joint).unwrap_or(joint) };
         let (cost, elsewhere) = match aligned[surer] {
@@ -127,6 +127,8 @@ pub fn propose_with(tree: &JointTree, skeleton: &Skeleton, hints: &PuppetHints) 
             proposal.ambiguities.push(format!("part {part} ({uid}) drives {name:?}; {other} would fit nearly as well"));
         }
     }
+    proposal.mapping.shared = proposed_shares(skeleton, &recognition, &traits, &proposal.mapping.entries);
+    let driven = proposal.mapping.driven_bones(skeleton);
     let undriven = skeleton.bones().iter().zip(driven).filter(|(_, driven)| !driven);
     proposal.unmapped_bones = undriven.map(|(bone, _)| bone.name.clone()).collect();
     proposal

@@ -4,11 +4,14 @@
 mod completion;
 mod engagement;
 mod sensor;
+mod shape_weights;
+mod share;
 mod solver;
 mod status;
 mod stream_solver;
 
 pub use completion::PoseCompletion;
+pub use shape_weights::{ShapeError, ShapeWeights};
 pub use solver::{PoseSolver, SampleError};
 pub use status::{BoneQuality, BoneStatus};
 pub use stream_solver::{SolveError, StreamSolver};

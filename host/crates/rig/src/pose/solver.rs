@@ -6,9 +6,11 @@ use glam::{Affine3A, Quat};
 
 use super::engagement::Engagement;
 use super::sensor::{Sensor, rotation_of};
+use super::shape_weights::ShapeDriver;
+use super::share::Share;
 use super::status::{BoneQuality, BoneStatus};
 use crate::calibration::{Calibration, SensorCalibration};
-use crate::mapping::{Mapping, MappingEntry, MappingError};
+use crate::mapping::{Mapping, MappingEntry, MappingError, ShapeDrive, Sharing};
 use crate::puppet::{JointTree, PartUid, SensorState};
 use crate::skeleton::{Pose, Skeleton, Transform};
 
@@ -39,8 +41,10 @@ struct Driver {
     sensors: Range<usize>,
     /// It has no bone of its own and turns this one for the joints below it.
     is_carried: bool,
-    /// The rotation shown.
+    /// The rotation of the joint that is shown.
     delta: Quat,
+    /// What the bone takes of it, where others take some too.
+    share: Option<Share>,
     engagement: Option<Engagement>,
     /// The device's clock at the latest sample with good readings.
     good_micros: Option<u64>,
@@ -63,7 +67,7 @@ const UNSEEN_MICROS: u64 = 33_000;
 /// Turns samples into poses.
 ///
 /// Bone rotation = heading · rest · Π F·Δ·F⁻¹ over its parts from the root outwards, with F = `bone_from_joint` ·
-/// mounting and Δ the part's own rotation. The rest is the character's, turned as the mapping says
+/// mounting and Δ the part's own rotation, or a power of it where several bones share it ([`Mapping::shared`]). The rest is the character's, turned as the mapping says
 /// ([`Mapping::rest`]). Translation and scale stay as in the rest pose.
 #[derive(Clone, Debug)]
 pub struct PoseSolver {
@@ -74,6 +78,7 @@ pub struct PoseSolver {
     sensor_count: usize,
     sensors: Vec<Sensor>,
     drivers: Vec<Driver>,
+    shapes: Vec<ShapeDriver>,
     status: Vec<BoneStatus>,
 }
 
@@ -103,6 +108,7 @@ impl PoseSolver {
             sensor_count: tree.sensor_count(),
             sensors: Vec::with_capacity(tree.sensor_count()),
             drivers: Vec::with_capacity(mapping.entries.len() + mapping.carried.len()),
+            shapes: Vec::with_capacity(mapping.shapes.len()),
             status: vec![BoneStatus::default(); skeleton.len()],
             rest_frames,
         };
@@ -110,10 +116,6 @@ impl PoseSolver {
             let bone = find_bone(skeleton, entry)?;
             if !(entry.mounting.is_finite() && entry.mounting.is_normalized()) {
                 return Err(MappingError::BadMounting { part: entry.part });
-            }
-            let first = solver.sensors.len();
-            if let Some(part) = part {
-                solver.add_sensors(tree, part, calibration, entry)?;
             }
             let settings = calibration.part_settings(entry.part);
             if !(settings.mounting.is_finite() && settings.mounting.is_normalized() && settings.heading.is_finite()) {
@@ -123,19 +125,41 @@ impl PoseSolver {
             if settings.mounting != Quat::IDENTITY {
                 bone_from_part *= settings.mounting;
             }
-            solver.drivers.push(Driver {
-                part: entry.part,
-                plugged_in: part.is_some(),
-                bone,
-                is_carried,
-                bone_from_part: bone_from_part.normalize(),
-                heading: (settings.heading != 0.0).then(|| solver.turned_back(bone, settings.heading)),
-                sensors: first..solver.sensors.len(),
-                delta: Quat::IDENTITY,
-                engagement: None,
-                good_micros: None,
-                is_missing: false,
-            });
+            let shared = mapping.shared.iter().find(|joint| joint.part == entry.part && !is_carried);
+            let shares = shared.map(|joint| joint.resolve(&entry.bone, skeleton)).transpose()?;
+            for (own, share) in shares.unwrap_or_else(|| vec![(bone, 1.0)]) {
+                let first = solver.sensors.len();
+                if let Some(part) = part {
+                    solver.add_sensors(tree, part, calibration, entry)?;
+                }
+                let bone_from_part = match shared.map(|joint| joint.sharing) {
+                    Some(Sharing::Chain) if own != bone => {
+                        solver.rest_rotation(own).inverse() * solver.rest_rotation(bone) * bone_from_part
+                    }
+                    Some(Sharing::Curl) if own != bone => {
+                        skeleton.bone_from_joint(own, &solver.rest_frames) * entry.mounting * settings.mounting
+                    }
+                    _ => bone_from_part,
+                };
+                let heading = (settings.heading != 0.0 && own == bone).then_some(settings.heading);
+                solver.drivers.push(Driver {
+                    part: entry.part,
+                    plugged_in: part.is_some(),
+                    bone: own,
+                    is_carried,
+                    bone_from_part: bone_from_part.normalize(),
+                    heading: heading.map(|heading| solver.turned_back(bone, heading)),
+                    sensors: first..solver.sensors.len(),
+                    delta: Quat::IDENTITY,
+                    share: shared.map(|_| Share::new(share)),
+                    engagement: None,
+                    good_micros: None,
+                    is_missing: false,
+                });
+            }
+        }
+        for drive in &mapping.shapes {
+            solver.add_shape(tree, calibration, drive)?;
         }
         solver.update_status();
         Ok(solver)
@@ -180,6 +204,33 @@ impl PoseSolver {
         Ok(())
     }
 
+    fn add_shape(
+        &mut self,
+        tree: &JointTree,
+        calibration: &Calibration,
+        drive: &ShapeDrive,
+    ) -> Result<(), MappingError> {
+        drive.check()?;
+        let bad = |what: String| MappingError::BadShape { shape: drive.shape.clone(), what };
+        if self.shapes.iter().any(|known| known.shape() == drive.shape) {
+            return Err(bad("two joints drive it; only one can".into()));
+        }
+        let mut sensor = None;
+        if let Some(part) = tree.find(drive.part) {
+            let Some(index) = drive.axis.sensor_of(tree.parts()[part].kind) else {
+                return Err(bad(format!("part {} has no sensor for {}", drive.part, drive.axis)));
+            };
+            let known = calibration.checked_part(tree, part)?;
+            let axis = tree.parts()[part].kind.axes()[index];
+            let calibration_of = known.map_or(SensorCalibration::unzeroed(axis), |sensors| sensors[index]);
+            let counts_per_turn = tree.parts()[part].counts_per_turn;
+            let slot = tree.sensors(part).start + index;
+            sensor = Some(Sensor::new(slot, calibration_of, counts_per_turn, calibration.filter_of(drive.part)));
+        }
+        self.shapes.push(ShapeDriver::new(drive.clone(), sensor));
+        Ok(())
+    }
+
     /// Number of sensors that a sample must have.
     pub fn sensor_count(&self) -> usize {
         self.sensor_count
@@ -192,8 +243,13 @@ impl PoseSolver {
     pub fn continue_from(&mut self, previous: &Self) {
         self.returning = previous.returning;
         for driver in &mut self.drivers {
-            let Some(before) = previous.drivers.iter().find(|d| d.part == driver.part) else { continue };
+            let same_bone = |d: &&Driver| d.part == driver.part && d.bone == driver.bone;
+            let any_bone = || previous.drivers.iter().find(|d| d.part == driver.part);
+            let Some(before) = previous.drivers.iter().find(same_bone).or_else(any_bone) else { continue };
             driver.delta = before.delta;
+            if let (Some(share), Some(before)) = (&mut driver.share, &before.share) {
+                share.continue_from(before);
+            }
             let is_back = driver.plugged_in && !before.plugged_in;
             driver.engagement = match before.engagement {
                 _ if is_back && self.returning.parts > 0 => Some(Engagement::from(before.delta)),
@@ -205,6 +261,7 @@ impl PoseSolver {
                 sensor.continue_from(old, is_back);
             }
         }
+        self.shapes.iter_mut().for_each(|shape| shape.continue_from(&previous.shapes));
         self.update_status();
     }
 
@@ -226,6 +283,9 @@ impl PoseSolver {
             driver.engagement = Some(Engagement::from(driver.delta));
         }
         self.sensors.iter_mut().for_each(Sensor::forget_smoothing);
+        if self.returning.parts > 0 {
+            self.shapes.iter_mut().for_each(ShapeDriver::engage);
+        }
     }
 
     /// Writes the pose of one sample; does not allocate unless `pose` has a different number of bones. `micros`: the
@@ -255,12 +315,29 @@ impl PoseSolver {
         Ok(())
     }
 
+    /// Passes each shape that a joint drives, in the mapping's order, and its weight by this sample, which
+    /// [`solve`](Self::solve) has taken; nothing for one that was never read.
+    pub(super) fn solve_shapes(
+        &mut self,
+        micros: u64,
+        counts: &[u16],
+        states: &[SensorState],
+        each: &mut dyn FnMut(usize, f32),
+    ) {
+        for (index, shape) in self.shapes.iter_mut().enumerate() {
+            if let Some(weight) = shape.follow(micros, counts, states, self.returning.parts) {
+                each(index, weight);
+            }
+        }
+    }
+
     /// Writes the pose of the latest sample again (before the first: the rest pose).
     pub fn write_pose(&self, pose: &mut Pose) {
         pose.parent_from_bone.clear();
         pose.parent_from_bone.extend_from_slice(&self.rest);
         for driver in &self.drivers {
-            let turn = driver.bone_from_part * driver.delta * driver.bone_from_part.inverse();
+            let delta = driver.share.map_or(driver.delta, |share| share.rotation());
+            let turn = driver.bone_from_part * delta * driver.bone_from_part.inverse();
             let rotation = &mut pose.parent_from_bone[driver.bone].rotation;
             *rotation = (*rotation * turn).normalize();
         }
@@ -294,9 +371,10 @@ impl PoseSolver {
         .unwrap_or_default()
     }
 
-    /// The place in a sample, and the angle after the filter (radians), of every sensor that moves a bone.
+    /// The place in a sample, and the angle after the filter (radians), of every sensor that moves a bone or a shape.
     pub fn filtered_angles(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.sensors.iter().map(|sensor| (sensor.slot(), sensor.angle()))
+        let shapes = self.shapes.iter().filter_map(ShapeDriver::sensor);
+        self.sensors.iter().chain(shapes).map(|sensor| (sensor.slot(), sensor.angle()))
     }
 
     /// The status of each bone after the latest sample, in the skeleton's order.
@@ -359,6 +437,9 @@ impl Driver {
                 None => self.engagement = None,
             }
         }
+        if let Some(share) = &mut self.share {
+            share.follow(self.delta);
+        }
     }
 }
 
@@ -372,6 +453,15 @@ fn in_tree_order<'a>(tree: &JointTree, mapping: &'a Mapping) -> Result<Vec<Place
     if let Some(twice) = by_uid.windows(2).find(|pair| pair[0].part == pair[1].part) {
         let (first, second) = (twice[0].bone.clone(), twice[1].bone.clone());
         return Err(MappingError::PartTwice { part: twice[0].part, first, second });
+    }
+    for (index, joint) in mapping.shared.iter().enumerate() {
+        let bad = |what: &str| Err(MappingError::BadShares { part: joint.part, what: what.into() });
+        if by_uid.binary_search_by_key(&joint.part, |entry| entry.part).is_err() {
+            return bad("it drives no bone; give it one first");
+        }
+        if mapping.shared[..index].iter().any(|other| other.part == joint.part) {
+            return bad("it is shared twice");
+        }
     }
     let (own, carried) = (mapping.entries.iter(), mapping.carried.iter());
     let all = own.map(|entry| (false, entry)).chain(carried.map(|entry| (true, entry)));

@@ -1,8 +1,11 @@
 //! Solving a stream of samples while puppet, calibration and mapping change.
 
 use super::completion::PoseCompletion;
+use super::shape_weights::{ShapeError, ShapeWeights};
 use super::solver::{PoseSolver, SampleError};
+use super::status::BoneQuality;
 use crate::calibration::Calibration;
+use crate::dynamics::{Dynamics, DynamicsError, SpringBones};
 use crate::ground::{Ground, GroundContact, GroundError};
 use crate::mapping::{Mapping, MappingError};
 use crate::puppet::{JointTree, RawSample};
@@ -33,6 +36,10 @@ pub struct StreamSolver {
     /// The latest pose including the bones that no joint drives; in `pose` itself those are at rest.
     completed: Pose,
     ground: Option<GroundContact>,
+    dynamics: Option<SpringBones>,
+    shapes: ShapeWeights,
+    /// Where the mapping's shapes are among them.
+    driven_shapes: Vec<usize>,
 }
 
 /// Why a sample has no pose.
@@ -77,6 +84,9 @@ impl StreamSolver {
             return_micros: 0,
             engage_all: false,
             ground: None,
+            dynamics: None,
+            shapes: ShapeWeights::default(),
+            driven_shapes: Vec::new(),
         }
     }
 
@@ -94,6 +104,7 @@ impl StreamSolver {
 
     /// From now on parts drive these bones.
     pub fn set_mapping(&mut self, mapping: Mapping) {
+        self.driven_shapes = mapping.shapes.iter().map(|drive| self.shapes.place(&drive.shape)).collect();
         self.mapping = Some(mapping);
         self.stale = true;
     }
@@ -125,12 +136,34 @@ impl StreamSolver {
         Ok(())
     }
 
+    /// From the next sample on, these bones swing, beginning from their pose; with `None` (as at first) none do.
+    pub fn set_dynamics(&mut self, dynamics: Option<Dynamics>) -> Result<(), DynamicsError> {
+        self.dynamics = dynamics.map(|dynamics| SpringBones::new(&self.skeleton, dynamics)).transpose()?;
+        Ok(())
+    }
+
+    /// How bones swing.
+    pub fn dynamics(&self) -> Option<&SpringBones> {
+        self.dynamics.as_ref()
+    }
+
     /// How the roots follow the feet.
     pub fn ground(&self) -> Option<&GroundContact> {
         self.ground.as_ref()
     }
 
-    /// Forgets earlier readings; skeleton, topology, calibration, mapping and the way parts come back are kept. From
+    /// From now on this shape has this weight; a joint that drives it sets it again with the next sample.
+    pub fn set_shape(&mut self, shape: &str, weight: f32) -> Result<(), ShapeError> {
+        self.shapes.set(shape, weight)
+    }
+
+    /// The weights of all shapes that were set or are driven, after the latest sample.
+    pub fn shapes(&self) -> &ShapeWeights {
+        &self.shapes
+    }
+
+    /// Forgets earlier readings; skeleton, topology, calibration, mapping, the way parts come back and
+    /// the weights of shapes are kept. From
     /// now on poses depend only on samples from now on, as in the replay of a take that begins here.
     pub fn forget_past(&mut self) {
         self.solver = None;
@@ -140,6 +173,9 @@ impl StreamSolver {
         self.pose = self.skeleton.rest_pose();
         if let Some(ground) = &mut self.ground {
             ground.restart();
+        }
+        if let Some(dynamics) = &mut self.dynamics {
+            dynamics.restart();
         }
     }
 
@@ -179,7 +215,8 @@ impl StreamSolver {
     }
 
     /// The whole pose of the next sample: first the bones that joints drive ([`solve`](Self::solve)), then the others
-    /// by `completion`; without one they stay at rest. Last, the roots follow the feet, where [`Self::set_ground`] says so.
+    /// by `completion`; without one they stay at rest. Then the roots follow the feet, where [`Self::set_ground`] says so, and last bones
+    /// swing ([`Self::set_dynamics`]). The weights of shapes are there afterwards.
     /// Playback, replay and export all pose with this function, so that they cannot diverge.
     pub fn solve_completed(
         &mut self,
@@ -193,6 +230,11 @@ impl StreamSolver {
         }
         if let Some(ground) = &mut self.ground {
             ground.follow(sample.device_micros, &self.skeleton, &mut self.completed);
+        }
+        if let (Some(dynamics), Some(solver)) = (&mut self.dynamics, &self.solver) {
+            let status = solver.bone_status();
+            let is_driven = |bone: usize| status[bone].quality > BoneQuality::Unmapped;
+            dynamics.follow(sample.device_micros, &self.skeleton, &mut self.completed, &is_driven);
         }
         Ok(&self.completed)
     }
@@ -229,6 +271,9 @@ impl StreamSolver {
             solver.engage_all();
         }
         solver.solve(sample.device_micros, &sample.counts, &sample.states, &mut self.pose)?;
+        solver.solve_shapes(sample.device_micros, &sample.counts, &sample.states, &mut |drive, weight| {
+            self.shapes.put(self.driven_shapes[drive], weight);
+        });
         Ok(&self.pose)
     }
 }

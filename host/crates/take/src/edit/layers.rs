@@ -55,7 +55,7 @@ pub(super) fn add(p: &mut Performance, take: &Take, chosen: &[bool], at: i64, we
     let Some(timeline) = Timeline::recorded(take) else { return };
     let all = (0..).map_while(|index| timeline.get(index));
     let poses = all.map(|(seconds, pose)| (micros(seconds), take.unpack(pose))).collect();
-    let other = Performance { poses, ..Performance::default() };
+    let other = Performance::of(poses);
     let Some((first, last)) = other.span() else { return };
     let Some(start) = other.at(first) else { return };
     for (time, pose) in &mut p.poses {

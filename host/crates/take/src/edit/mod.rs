@@ -13,12 +13,13 @@ mod timing;
 
 use std::ops::ControlFlow;
 
-use armature_rig::{Filter, GroundContact, Pose, PoseCompletion, Skeleton};
+use armature_rig::{Filter, GroundContact, Pose, PoseCompletion, Skeleton, SpringBones};
 
 use self::mirror::Mirror;
 use self::performance::{Performance, chosen, micros};
 use self::solve::{Layer, layer_micros, solve_layers};
-use crate::file::{PackedPose, Take};
+use crate::file::{PackedPose, Record, Take};
+use crate::shapes::ShapeTrack;
 use crate::time::{ResampleError, ResampleSettings, Resampled, Timeline, resample};
 
 pub use self::list::{Edit, EditList, EditListError};
@@ -110,6 +111,9 @@ pub struct Edited {
     pub segments: Vec<(String, f64, f64)>,
     /// What the edits cost, in sentences: lag and phase.
     pub notes: Vec<String>,
+    /// The weights of blend shapes, if the take sets any. Trims, retimes and loops move them, and the mirror swaps those of
+    /// left and right; they are not changed by the edits of bones, and an overdub keeps those of its base.
+    pub shapes: Option<ShapeTrack>,
 }
 
 impl Edited {
@@ -217,7 +221,8 @@ impl Work<'_> {
             poses = all.map(|(seconds, pose)| (micros(seconds), take.unpack(pose))).collect();
         }
         stand(take, self.skeleton, &mut poses)?;
-        let performance = Performance { poses, ..Performance::default() };
+        swing(take, self.skeleton, &mut poses)?;
+        let performance = Performance::of(poses).with_shapes(ShapeTrack::solve(take, filter));
         if performance.poses.is_empty() { Err(EditError::NothingLeft { edit: 0 }) } else { Ok(performance) }
     }
 
@@ -299,6 +304,7 @@ impl Work<'_> {
                     )
                 })?;
                 performance.poses.iter_mut().for_each(|(_, pose)| *pose = mirror.pose(self.skeleton, pose));
+                performance.shapes_mut().into_iter().for_each(ShapeTrack::mirror);
             }
             Edit::Retime { speed } => {
                 if !(speed.is_finite() && (0.01..=100.0).contains(speed)) {
@@ -344,7 +350,8 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn finish(self, performance: Performance) -> Edited {
+    fn finish(self, mut performance: Performance) -> Edited {
+        let shapes = performance.take_shapes();
         let seconds = |micros: i64| micros as f64 * 1e-6;
         let pack = |(index, (micros, pose)): (usize, (i64, Pose))| {
             let packed = PackedPose::pack(index as u32, micros.max(0).unsigned_abs(), &pose, self.skeleton)?;
@@ -356,6 +363,7 @@ impl Work<'_> {
             markers: performance.markers.into_iter().map(|(at, text)| (seconds(at), text)).collect(),
             segments: performance.segments.into_iter().map(|(name, a, b)| (name, seconds(a), seconds(b))).collect(),
             notes: self.notes,
+            shapes,
         }
     }
 }
@@ -367,6 +375,23 @@ fn stand(take: &Take, skeleton: &Skeleton, poses: &mut [(i64, Pose)]) -> Result<
     let first = poses.first().map_or(0, |(micros, _)| *micros);
     for (micros, pose) in poses {
         contact.follow(micros.saturating_sub(first).max(0).unsigned_abs(), skeleton, pose);
+    }
+    Ok(())
+}
+
+/// Bones swing as they did in the take, in the poses that its layers make.
+fn swing(take: &Take, skeleton: &Skeleton, poses: &mut [(i64, Pose)]) -> Result<(), EditError> {
+    let Some(dynamics) = take.dynamics() else { return Ok(()) };
+    let mut springs = SpringBones::new(skeleton, dynamics.clone()).map_err(|why| bad(0, why.to_string()))?;
+    let mapping = take.records().iter().rev().find_map(|record| match record {
+        Record::Mapping(mapping) => Some(mapping),
+        _ => None,
+    });
+    let driven = mapping.map_or_else(|| vec![false; skeleton.len()], |mapping| mapping.driven_bones(skeleton));
+    let first = poses.first().map_or(0, |(micros, _)| *micros);
+    for (micros, pose) in poses {
+        let micros = micros.saturating_sub(first).max(0).unsigned_abs();
+        springs.follow(micros, skeleton, pose, &|bone| driven[bone]);
     }
     Ok(())
 }

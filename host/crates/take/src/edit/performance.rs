@@ -2,6 +2,7 @@
 
 use armature_rig::{Pose, Skeleton, Transform};
 
+use crate::shapes::ShapeTrack;
 use crate::time::between;
 
 /// Seconds to microseconds, as far as they go.
@@ -18,9 +19,31 @@ pub(super) struct Performance {
     pub(super) markers: Vec<(i64, String)>,
     /// Named parts, microseconds.
     pub(super) segments: Vec<(String, i64, i64)>,
+    /// Weights of blend shapes, where the take has any.
+    shapes: Option<ShapeTrack>,
 }
 
 impl Performance {
+    /// Poses and nothing beside them.
+    pub(super) fn of(poses: Vec<(i64, Pose)>) -> Self {
+        Self { poses, ..Self::default() }
+    }
+
+    /// With these weights of blend shapes.
+    pub(super) fn with_shapes(self, shapes: Option<ShapeTrack>) -> Self {
+        Self { shapes, ..self }
+    }
+
+    /// The weights of blend shapes, if there are any.
+    pub(super) fn shapes_mut(&mut self) -> Option<&mut ShapeTrack> {
+        self.shapes.as_mut()
+    }
+
+    /// The same, taken out.
+    pub(super) fn take_shapes(&mut self) -> Option<ShapeTrack> {
+        self.shapes.take()
+    }
+
     /// First and last time.
     pub(super) fn span(&self) -> Option<(i64, i64)> {
         Some((self.poses.first()?.0, self.poses.last()?.0))

@@ -2,10 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use armature_rig::{BoneQuality, BoneStatus, Filter, PartSettings, Pose, PoseCompletion, Skeleton, StreamSolver};
+use armature_rig::{BoneQuality, BoneStatus, Filter, Pose, PoseCompletion, Skeleton, StreamSolver};
 
 use super::performance::{blend, inside, micros};
 use crate::file::{Record, Take};
+use crate::replay::filtered;
 use crate::time::{DeviceClock, between};
 
 /// Bones that another take brings.
@@ -44,15 +45,7 @@ fn driven(
         match record {
             Record::Topology(topology) => solver.set_topology(topology.epoch, topology.tree.clone()),
             Record::Calibration(calibration) => {
-                let mut calibration = calibration.clone();
-                if let Some(filter) = filter {
-                    calibration.filter = filter;
-                    let own: Vec<_> = calibration.set_parts().collect();
-                    for (part, settings) in own {
-                        calibration.set_part_settings(part, PartSettings { filter: None, ..settings });
-                    }
-                }
-                solver.set_calibration(calibration);
+                solver.set_calibration(filtered(calibration, filter));
             }
             Record::Mapping(mapping) => solver.set_mapping(mapping.clone()),
             Record::Engagement { micros, all } => solver.engage(*micros, *all),
@@ -65,8 +58,13 @@ fn driven(
                     out.push((time, pose, status));
                 }
             }
-            // The ground follows once all layers are there.
-            Record::Skeleton(_) | Record::Pose(_) | Record::Event(_) | Record::Ground(_) => {}
+            // The ground and what swings follow once all layers are there.
+            Record::Skeleton(_)
+            | Record::Pose(_)
+            | Record::Event(_)
+            | Record::Ground(_)
+            | Record::Dynamics(_)
+            | Record::Shape(_) => {}
         }
         if index.is_multiple_of(1024) && progress(index as f64 / take.records().len() as f64).is_break() {
             return Err(Cancelled);

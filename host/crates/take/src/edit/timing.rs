@@ -15,6 +15,9 @@ pub(super) fn trim(performance: &mut Performance, from: i64, to: i64) {
         }
     }
     performance.poses.iter_mut().for_each(|(time, _)| *time -= start);
+    if let Some(shapes) = performance.shapes_mut() {
+        shapes.trim(start, end);
+    }
     performance.markers.retain(|(time, _)| (start..=end).contains(time));
     performance.markers.iter_mut().for_each(|(time, _)| *time -= start);
     performance.segments.retain(|(_, from, to)| *to >= start && *from <= end);
@@ -29,6 +32,9 @@ pub(super) fn retime(performance: &mut Performance, speed: f64) {
     performance.poses.iter_mut().for_each(|(time, _)| at(time));
     // Faster than the clock can tell apart.
     performance.poses.dedup_by_key(|(time, _)| *time);
+    if let Some(shapes) = performance.shapes_mut() {
+        shapes.retime(at);
+    }
     performance.markers.iter_mut().for_each(|(time, _)| at(time));
     for (_, from, to) in &mut performance.segments {
         at(from);
@@ -58,6 +64,9 @@ pub(super) fn repeat(performance: &mut Performance, times: u32, fade: i64) {
     let closing = if fade > 0 { one.first().map(|(_, pose)| pose.clone()) } else { performance.at(last) };
     poses.extend(closing.map(|pose| (i64::from(times) * round, pose)));
     performance.poses = poses;
+    if let Some(shapes) = performance.shapes_mut() {
+        shapes.repeat((first, last), times, fade, ease);
+    }
     performance.markers.iter_mut().for_each(|(time, _)| *time -= first);
     for (_, from, to) in &mut performance.segments {
         (*from, *to) = (*from - first, *to - first);

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use armature_rig::{GroundError, JointTreeError, SkeletonError};
+use armature_rig::{DynamicsError, GroundError, JointTreeError, SkeletonError};
 
 use super::format::{MAJOR_VERSION, MAX_PAYLOAD_BYTES};
 
@@ -92,12 +92,21 @@ pub enum PayloadError {
     /// Joint settings for a sensor that the preceding calibration does not have.
     #[error("it refers to a sensor that the calibration before it does not have")]
     NoSuchSensor,
+    /// A weight that is not finite.
+    #[error("the weight of the shape {shape:?} is no finite number")]
+    BadWeight {
+        /// The shape.
+        shape: String,
+    },
     /// The bones are not a skeleton.
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
     /// The skeleton cannot stand like this.
     #[error(transparent)]
     Ground(#[from] GroundError),
+    /// The skeleton cannot swing like this.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
     /// The parts are not a puppet.
     #[error(transparent)]
     JointTree(#[from] JointTreeError),
@@ -141,6 +150,14 @@ pub enum WriteError {
         count: usize,
         /// The most there may be.
         limit: usize,
+    },
+    /// A weight that is not finite.
+    #[error("the weight of the shape {shape:?} is {weight}; give a number")]
+    BadWeight {
+        /// The shape.
+        shape: String,
+        /// Its weight.
+        weight: f32,
     },
     /// A sample with a different number of states than counts.
     #[error("the sample has {counts} counts but {states} states; it needs one state per count")]

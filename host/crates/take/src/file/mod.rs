@@ -46,7 +46,7 @@
 //! | 2 skeleton, at most once, before the first pose | `u16` bones · for each: `text` name · `u16` parent, FFFF for a root · rest transform `parent_from_bone`: 3 `f32` translation, 4 `f32` rotation (x, y, z, w), 3 `f32` scale · 3 `f32` tail in the bone's rest frame |
 //! | 3 topology, from here on | `u16` epoch · `u16` parts, at most 4,096 · for each: 12 bytes number · `u8` kind: 1 bend, 2 twist, 3 twist-bend-twist, 4 splitter · `u8` outlets of a splitter, else 0 · `u16` parent, FFFF for the root · `u8` outlet of the parent · `u32` counts a turn |
 //! | 4 calibration, from here on, replaces the former one | `u16` parts · for each: 12 bytes number · `u8` sensors · for each: `u8` flags: 1 zeroed, 2 reversed, 4 turns about the twist axis (else bend) · `u16` count in the rest pose, 0 if not zeroed |
-//! | 5 mapping, from here on, replaces the former one | `u16` entries, at most 4,096 · for each: 12 bytes part number · `text` bone · 4 `f32` mounting (x, y, z, w) · only where there are any: `u16` joints without a bone of their own, once for every bone that they turn together with the joints below them · for each the same fields |
+//! | 5 mapping, from here on, replaces the former one | `u16` entries, at most 4,096 · for each: 12 bytes part number · `text` bone · 4 `f32` mounting (x, y, z, w) · only where there are any: `u16` joints without a bone of their own, once for every bone that they turn together with the joints below them · for each the same fields · only where there are any: `u16` turns of the rest pose · for each: `text` bone · 3 `f64` axis times degrees · only where there are any: `u16` shared joints · for each: 12 bytes part number · `u8` 1 shares along a chain, 2 curls · `u16` bones · for each: `text` name · `f64` share · `u16` driven shapes · for each: `text` shape · 12 bytes part number · `u8` axis: 0 bend, 1 twist, 2 twist at the outlet · 2 `f64` degrees · 2 `f64` weights |
 //! | 6 sample | `u32` sequence · `u64` device time, microseconds · `u16` epoch of the topology that numbers the sensors · `u8` flags: 1 host time follows, 2 states follow · `u16` sensors · if flagged: `f64` host time of receipt, seconds · for each sensor: `u16` count · if flagged: states, 2 bits a sensor, the first in the lowest bits, ⌈sensors / 4⌉ bytes: 0 ok, 1 no data, 2 magnet weak, 3 outlier (without the flag all are ok) |
 //! | 7 pose | `u32` sequence and `u64` device time of its sample · `u16` bones, as many as the skeleton has · for each bone `u8` flags: 1 translation, 2 rotation, 4 scale follows · then, bone after bone, what the flags say: 3 `f32` translation, 4 `f32` rotation, 3 `f32` scale. What is not there has the bits of the rest transform |
 //! | 8 event | `u8` flags: 1 device time given, 2 host time given · `u64` device time, microseconds · `f64` host time, seconds · `u16` what: 1 lost samples (`u64` count, `u32` sequence before them), 2 noise (`u64` frames with a wrong checksum, `u64` bytes passed over), 3 the device restarted, 4 the connection came back, 5 topology changes (`u16` epoch), 6 marker (`text`), 7 the stream lost synchronisation (`u64` pieces that were no frame, before it was found again), 8 the device's clock could not be believed (`u8` 1: it leapt ahead, 2: it stood still, 3: it went back; `u64` microseconds by how much), 9 time from the last byte of a sample to the pose (`u32` microseconds each: median, what 99 of 100 do not exceed, longest) |
@@ -57,6 +57,10 @@
 //! | 12 return of readings, from here on | `u32` microseconds, at most, over which a joint whose readings were missing takes its bone along; no longer than they were missing |
 //!
 //! | 13 ground, behind the skeleton, from here on | `u8` mode: 0 off (nothing follows), 1 stand, 2 walk · `f32` height of the floor · `u16` contacts · for each: `u16` bone · `u32` points of the skin · for each: `u16` bone · 3 `f32` place in the bone's frame |
+//!
+//! | 14 shape set by hand, from here on | `u8` flags: 1 device time given · `u64` device time of the last sample before, microseconds · `text` name · `f32` weight |
+//!
+//! | 15 dynamics, behind the skeleton, from here on | `u8` 0 off (nothing follows), 1 on · 3 `f32` wind · `u16` chains · for each: `u16` bones · for each: `u16` bone · 3 `f32` tail in its frame · `f64` stiffness · `f64` drag · `f64` gravity · 3 `f32` direction of gravity · `f64` radius · `u16` colliders · for each: `u16` bone · `u8` 0 sphere, 1 capsule · 3 `f32` centre · 3 `f32` other centre of a capsule, else 0 · `f64` radius |
 //!
 //! Fields whose flag is not set contain zero. Equal content gives equal bytes.
 //!
@@ -70,7 +74,7 @@
 //! # Compatibility
 //!
 //! - A reader refuses another major version, and says so.
-//! - Types 10 to 13 and events 7, 8 and 9 were added after the first takes of version 1.0 and only appear in takes that need
+//! - Types 10 to 15 and events 7, 8 and 9 were added after the first takes of version 1.0 and only appear in takes that need
 //!   them; older programs skip them and say so.
 //! - A higher minor version may bring new record types, which older readers skip by their length and report, and may
 //!   append fields to payloads, which older readers ignore. Event codes may be added in the same way; a reader skips an
@@ -84,6 +88,7 @@ mod format;
 mod frame;
 mod packed_pose;
 mod payload;
+mod payload_dynamics;
 mod payload_rig;
 mod reader;
 mod record;
@@ -98,7 +103,9 @@ pub use format::{
 pub use packed_pose::PackedPose;
 pub(crate) use packed_pose::same_bits;
 pub use reader::Take;
-pub use record::{ClockFault, Event, EventKind, Header, InverseKinematicsHeader, Record, Sample, Topology, Totals};
+pub use record::{
+    ClockFault, Event, EventKind, Header, InverseKinematicsHeader, Record, Sample, ShapeSetting, Topology, Totals,
+};
 pub use record_kind::RecordKind;
 pub use report::{Problem, ReadReport, UnknownRecords};
 pub use writer::TakeWriter;

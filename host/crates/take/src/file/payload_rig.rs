@@ -1,8 +1,8 @@
-//! The payloads of calibration, joint settings, mapping and ground.
+//! The payloads of calibration, joint settings, mapping, ground and shapes.
 
 use armature_rig::{
-    Calibration, Filter, Ground, GroundMode, GroundPoint, JointAxis, Mapping, MappingEntry, OneEuro, PartSettings,
-    PartUid, RestTurn, SensorCalibration, SensorRange, Skeleton,
+    Calibration, DriveAxis, Filter, Ground, GroundMode, GroundPoint, JointAxis, Mapping, MappingEntry, OneEuro,
+    PartSettings, PartUid, RestTurn, SensorCalibration, SensorRange, ShapeDrive, SharedJoint, Sharing, Skeleton,
 };
 use glam::Quat;
 
@@ -10,6 +10,7 @@ use super::bytes::{Fields, Put};
 use super::error::{PayloadError, WriteError};
 use super::format::MAX_PARTS;
 use super::payload::{put_count, put_text};
+use super::record::ShapeSetting;
 
 mod sensor_flag {
     pub(super) const ZEROED: u8 = 1;
@@ -157,18 +158,91 @@ fn read_filter(fields: &mut Fields<'_>) -> Result<Filter, PayloadError> {
 pub(super) fn put_mapping(out: &mut Vec<u8>, mapping: &Mapping) -> Result<(), WriteError> {
     put_count(out, "the mapping", mapping.entries.len(), MAX_PARTS)?;
     put_entries(out, &mapping.entries)?;
-    if !mapping.carried.is_empty() || !mapping.rest.is_empty() {
+    // Lists are appended as far as there is something to say.
+    let shares = !(mapping.shared.is_empty() && mapping.shapes.is_empty());
+    let rest = shares || !mapping.rest.is_empty();
+    if rest || !mapping.carried.is_empty() {
         put_count(out, "joints without a bone", mapping.carried.len(), usize::from(u16::MAX))?;
         put_entries(out, &mapping.carried)?;
     }
-    if !mapping.rest.is_empty() {
+    if rest {
         put_count(out, "turns of the rest pose", mapping.rest.len(), usize::from(u16::MAX))?;
         for turn in &mapping.rest {
             put_text(out, "a bone's name", &turn.bone)?;
             turn.degrees.to_array().into_iter().for_each(|degrees| out.put_f64(degrees.into()));
         }
     }
+    if shares {
+        put_shared(out, &mapping.shared)?;
+        put_shapes(out, &mapping.shapes)?;
+    }
     Ok(())
+}
+
+mod sharing_code {
+    pub(super) const CHAIN: u8 = 1;
+    pub(super) const CURL: u8 = 2;
+}
+
+fn put_shared(out: &mut Vec<u8>, shared: &[SharedJoint]) -> Result<(), WriteError> {
+    put_count(out, "shared joints", shared.len(), MAX_PARTS)?;
+    for joint in shared {
+        out.extend_from_slice(&joint.part.0);
+        out.put_u8(match joint.sharing {
+            Sharing::Chain => sharing_code::CHAIN,
+            Sharing::Curl => sharing_code::CURL,
+        });
+        put_count(out, "the bones of a shared joint", joint.bones.len(), Skeleton::MAX_BONES)?;
+        for (bone, share) in &joint.bones {
+            put_text(out, "a bone's name", bone)?;
+            out.put_f64(*share);
+        }
+    }
+    Ok(())
+}
+
+fn read_shared(fields: &mut Fields<'_>) -> Result<Vec<SharedJoint>, PayloadError> {
+    let mut shared = Vec::new();
+    for _ in 0..fields.u16("count of shared joints")? {
+        let part = PartUid(fields.array("part number")?);
+        let sharing = match fields.u8("sharing")? {
+            sharing_code::CHAIN => Sharing::Chain,
+            sharing_code::CURL => Sharing::Curl,
+            value => return Err(PayloadError::UnknownCode { field: "sharing", value: value.into() }),
+        };
+        let mut bones = Vec::new();
+        for _ in 0..fields.u16("count of bones")? {
+            bones.push((fields.text("bone name")?, fields.f64("share")?));
+        }
+        shared.push(SharedJoint { part, sharing, bones });
+    }
+    Ok(shared)
+}
+
+fn put_shapes(out: &mut Vec<u8>, shapes: &[ShapeDrive]) -> Result<(), WriteError> {
+    put_count(out, "driven shapes", shapes.len(), usize::from(u16::MAX))?;
+    for drive in shapes {
+        put_text(out, "a shape's name", &drive.shape)?;
+        out.extend_from_slice(&drive.part.0);
+        out.put_u8(DriveAxis::ALL.iter().position(|axis| *axis == drive.axis).unwrap_or(0) as u8);
+        drive.degrees.iter().chain(&drive.weights).for_each(|number| out.put_f64(*number));
+    }
+    Ok(())
+}
+
+fn read_shapes(fields: &mut Fields<'_>) -> Result<Vec<ShapeDrive>, PayloadError> {
+    let mut shapes = Vec::new();
+    for _ in 0..fields.u16("count of driven shapes")? {
+        let (shape, part) = (fields.text("shape name")?, PartUid(fields.array("part number")?));
+        let code = fields.u8("axis")?;
+        let axis = *DriveAxis::ALL
+            .get(usize::from(code))
+            .ok_or(PayloadError::UnknownCode { field: "axis", value: code.into() })?;
+        let mut number = || fields.f64("angle or weight");
+        let (degrees, weights) = ([number()?, number()?], [number()?, number()?]);
+        shapes.push(ShapeDrive { shape, part, axis, degrees, weights });
+    }
+    Ok(shapes)
 }
 
 fn put_entries(out: &mut Vec<u8>, entries: &[MappingEntry]) -> Result<(), WriteError> {
@@ -197,7 +271,10 @@ pub(super) fn read_mapping(fields: &mut Fields<'_>) -> Result<Mapping, PayloadEr
         let mut degree = || Ok::<f32, PayloadError>(fields.f64("turn of the rest pose")? as f32);
         rest.push(RestTurn { bone, degrees: [degree()?, degree()?, degree()?].into() });
     }
-    Ok(Mapping { entries, carried, rest })
+    // Added after those.
+    let (shared, shapes) =
+        if fields.left() > 0 { (read_shared(fields)?, read_shapes(fields)?) } else { (Vec::new(), Vec::new()) };
+    Ok(Mapping { entries, carried, rest, shared, shapes })
 }
 
 fn read_entries(fields: &mut Fields<'_>, count: usize) -> Result<Vec<MappingEntry>, PayloadError> {
@@ -208,6 +285,32 @@ fn read_entries(fields: &mut Fields<'_>, count: usize) -> Result<Vec<MappingEntr
         entries.push(MappingEntry { part, bone, mounting: fields.quat("mounting")? });
     }
     Ok(entries)
+}
+
+mod shape_flag {
+    pub(super) const DEVICE_TIME: u8 = 1;
+}
+
+pub(super) fn put_shape_setting(out: &mut Vec<u8>, setting: &ShapeSetting) -> Result<(), WriteError> {
+    let ShapeSetting { device_micros, name, weight } = setting;
+    if !weight.is_finite() {
+        return Err(WriteError::BadWeight { shape: name.clone(), weight: *weight });
+    }
+    out.put_u8(if device_micros.is_some() { shape_flag::DEVICE_TIME } else { 0 });
+    out.put_u64(device_micros.unwrap_or(0));
+    put_text(out, "a shape's name", name)?;
+    out.put_f32(*weight);
+    Ok(())
+}
+
+pub(super) fn read_shape_setting(fields: &mut Fields<'_>) -> Result<ShapeSetting, PayloadError> {
+    let flags = fields.u8("flags")?;
+    let device_micros = fields.u64("device time")?;
+    let (name, weight) = (fields.text("shape name")?, fields.f32("weight")?);
+    if !weight.is_finite() {
+        return Err(PayloadError::BadWeight { shape: name });
+    }
+    Ok(ShapeSetting { device_micros: (flags & shape_flag::DEVICE_TIME != 0).then_some(device_micros), name, weight })
 }
 
 mod ground_mode {

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use armature_rig::{Calibration, Ground, Pose, Skeleton};
+use armature_rig::{Calibration, Dynamics, Ground, Pose, Skeleton};
 
 use super::bytes::Fields;
 use super::error::{PayloadError, TakeError, WriteError};
@@ -13,7 +13,7 @@ use super::record::{Event, Header, Record, Sample, Totals};
 use super::record_kind::RecordKind;
 use super::report::{Problem, ReadReport};
 use super::writer::TakeWriter;
-use super::{payload, payload_rig};
+use super::{payload, payload_dynamics, payload_rig};
 
 /// A take in memory: its records in the order they were written.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -100,6 +100,16 @@ impl Take {
         said.and_then(Option::as_ref)
     }
 
+    /// Which bones swing and how, as last said; `None` where none do.
+    pub fn dynamics(&self) -> Option<&Dynamics> {
+        let said = self
+            .records
+            .iter()
+            .rev()
+            .find_map(|record| if let Record::Dynamics(dynamics) = record { Some(dynamics) } else { None });
+        said.and_then(Option::as_ref)
+    }
+
     /// The same take with other records.
     pub(crate) fn with_records(&self, records: Vec<Record>) -> Self {
         let skeleton = records.iter().position(|record| matches!(record, Record::Skeleton(_)));
@@ -182,6 +192,8 @@ impl Take {
                 Record::Engagement { micros: fields.u32("time")?, all: fields.u8("whole puppet")? != 0 }
             }
             RecordKind::Ground => Record::Ground(payload_rig::read_ground(fields, self.skeleton())?),
+            RecordKind::Dynamics => Record::Dynamics(payload_dynamics::read(fields, self.skeleton())?),
+            RecordKind::Shape => Record::Shape(payload_rig::read_shape_setting(fields)?),
             RecordKind::ReadingsReturn => Record::ReadingsReturn { micros: fields.u32("time")? },
             RecordKind::End => return payload::read_totals(fields).map(Read::End),
         }))

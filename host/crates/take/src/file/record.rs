@@ -1,6 +1,6 @@
 //! The contents of a take.
 
-use armature_rig::{Calibration, Ground, JointTree, Mapping, RawSample, Skeleton};
+use armature_rig::{Calibration, Dynamics, Ground, JointTree, Mapping, RawSample, Skeleton};
 
 use super::packed_pose::PackedPose;
 use super::record_kind::RecordKind;
@@ -196,6 +196,21 @@ pub enum Record {
     },
     /// How the roots follow the feet, from here on, beginning anew; `None`: they do not.
     Ground(Option<Ground>),
+    /// A blend shape is set by hand, from here on.
+    Shape(ShapeSetting),
+    /// Which bones swing and how, from here on, beginning anew; `None`: none do.
+    Dynamics(Option<Dynamics>),
+}
+
+/// A blend shape that is set by hand. One that a joint drives is set by the mapping instead, with every sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShapeSetting {
+    /// The device's clock at the last sample before it.
+    pub device_micros: Option<u64>,
+    /// Its name in the character.
+    pub name: String,
+    /// Its weight: 0 is not at all, 1 wholly.
+    pub weight: f32,
 }
 
 impl Record {
@@ -212,6 +227,8 @@ impl Record {
             Self::Engagement { .. } => RecordKind::Engagement,
             Self::ReadingsReturn { .. } => RecordKind::ReadingsReturn,
             Self::Ground(_) => RecordKind::Ground,
+            Self::Shape(_) => RecordKind::Shape,
+            Self::Dynamics(_) => RecordKind::Dynamics,
         }
     }
 }

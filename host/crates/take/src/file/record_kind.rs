@@ -34,6 +34,10 @@ pub enum RecordKind {
     ReadingsReturn = 12,
     /// [`Record::Ground`](super::Record::Ground).
     Ground = 13,
+    /// [`Record::Shape`](super::Record::Shape).
+    Shape = 14,
+    /// [`Record::Dynamics`](super::Record::Dynamics).
+    Dynamics = 15,
 }
 
 impl RecordKind {
@@ -53,6 +57,8 @@ impl RecordKind {
             11 => Self::Engagement,
             12 => Self::ReadingsReturn,
             13 => Self::Ground,
+            14 => Self::Shape,
+            15 => Self::Dynamics,
             _ => return None,
         })
     }
@@ -65,9 +71,12 @@ impl RecordKind {
     /// A generous limit on payloads, used only to skip false starts when searching after damage.
     pub(super) fn plausible_payload_bytes(self) -> usize {
         match self {
-            Self::Skeleton | Self::Calibration | Self::Mapping | Self::JointSettings | Self::Ground => {
-                MAX_PAYLOAD_BYTES
-            }
+            Self::Skeleton
+            | Self::Calibration
+            | Self::Mapping
+            | Self::JointSettings
+            | Self::Ground
+            | Self::Dynamics => MAX_PAYLOAD_BYTES,
             Self::Pose => 4 << 20,
             Self::Header
             | Self::Topology
@@ -75,7 +84,8 @@ impl RecordKind {
             | Self::Event
             | Self::End
             | Self::Engagement
-            | Self::ReadingsReturn => 1 << 20,
+            | Self::ReadingsReturn
+            | Self::Shape => 1 << 20,
         }
     }
 }
@@ -96,6 +106,8 @@ impl fmt::Display for RecordKind {
             Self::Engagement => "engagement",
             Self::ReadingsReturn => "return of readings",
             Self::Ground => "ground",
+            Self::Shape => "shape",
+            Self::Dynamics => "dynamics",
         })
     }
 }

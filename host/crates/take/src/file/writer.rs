@@ -2,15 +2,15 @@
 
 use std::io;
 
-use armature_rig::{Calibration, Ground, JointTree, Mapping, Pose, RawSample, Skeleton};
+use armature_rig::{Calibration, Dynamics, Ground, JointTree, Mapping, Pose, RawSample, Skeleton};
 
 use super::bytes::Put;
 use super::error::WriteError;
 use super::format::PREAMBLE_BYTES;
 use super::packed_pose::PackedPose;
-use super::record::{Event, Header, Record, Totals};
+use super::record::{Event, Header, Record, ShapeSetting, Totals};
 use super::record_kind::RecordKind;
-use super::{frame, packed_pose, payload, payload_rig};
+use super::{frame, packed_pose, payload, payload_dynamics, payload_rig};
 
 /// Appends records to any byte sink.
 ///
@@ -116,6 +116,16 @@ impl<W: io::Write> TakeWriter<W> {
         self.write(RecordKind::Ground, |payload| payload_rig::put_ground(payload, ground))
     }
 
+    /// A blend shape is set by hand from here on; its weight must be finite.
+    pub fn shape(&mut self, setting: &ShapeSetting) -> Result<(), WriteError> {
+        self.write(RecordKind::Shape, |payload| payload_rig::put_shape_setting(payload, setting))
+    }
+
+    /// Which bones swing and how from here on; `None`: none do.
+    pub fn dynamics(&mut self, dynamics: Option<&Dynamics>) -> Result<(), WriteError> {
+        self.write(RecordKind::Dynamics, |payload| payload_dynamics::put(payload, dynamics))
+    }
+
     /// Any record, as stored in a take that was read.
     pub fn record(&mut self, record: &Record) -> Result<(), WriteError> {
         match record {
@@ -129,6 +139,8 @@ impl<W: io::Write> TakeWriter<W> {
             Record::Engagement { micros, all } => self.engagement(*micros, *all),
             Record::ReadingsReturn { micros } => self.readings_return(*micros),
             Record::Ground(ground) => self.ground(ground.as_ref()),
+            Record::Shape(setting) => self.shape(setting),
+            Record::Dynamics(dynamics) => self.dynamics(dynamics.as_ref()),
         }
     }
 
