@@ -12,10 +12,9 @@ pub(crate) fn after_attributes(tokens: &[Token], mut at: usize) -> (usize, bool,
         if let Some(Token::Group(_, attribute)) = tokens.get(at + 1 + inner) {
             let text = flattened(attribute).concat();
             is_test |= inner == 0 && (text == "cfg(test)" || text == "test");
-            if let [Token::Word(path), _, Token::Text(file)] = attribute.as_slice()
-                && path == "path"
-            {
-                moved = Some(file.clone());
+            match attribute.as_slice() {
+                [Token::Word(path), _, Token::Text(file)] if path == "path" => moved = Some(file.clone()),
+                _ => {}
             }
         }
         at += 2 + inner;
