@@ -1,7 +1,7 @@
 """Imports an exported file into a real Blender and compares it with what we computed.
 
     pip install bpy
-    python tests/blender_check.py FILE.glb|FILE.bvh|FILE.fbx EXPECTED.json
+    python tests/blender_check.py FILE.glb|FILE.bvh|FILE.fbx|FILE.usda|FILE.usdz EXPECTED.json
 
 EXPECTED.json has the names of the bones and, for every clip, the number of frames, their duration and the positions
 of the bones' heads at some frames, in our own axes (+Y up):
@@ -11,9 +11,10 @@ of the bones' heads at some frames, in our own axes (+Y up):
                 "samples": [{"frame": 0, "heads": {"hips": [0, 1, 0], ...}}, ...]}]}
 
 A clip with uneven keys has "seconds": [t0, t1, ...] instead of "frame_seconds". For a BVH file the first clip is used.
-Bone names are compared as written in a BVH file (spaces and braces as underscores). An FBX file must also bring the
-scene's rate along. Two things may be added, and are then compared: in a sample, "turns", the rotations of the bones'
-frames as (x, y, z, w); and "meshes", each with the vertices in the file's order:
+Bone names are compared as written in a BVH file (spaces and braces as underscores), and as USD allows them (letters,
+digits and underscores). An FBX file must also bring the scene's rate along; of USD, Blender reads whole frames and leaves
+the scene's rate as it is. Two things may be added, and are then compared: in a sample, "turns", the rotations of the
+bones' frames as (x, y, z, w); and "meshes", each with the vertices in the file's order:
 
     [{"name": "body", "vertices": [[x, y, z], ...], "weights": [{"hips": 1.0}, ...],
       "shapes": {"smile": [[dx, dy, dz], ...]}}]
@@ -58,6 +59,10 @@ def import_fbx(bpy, path):
     bpy.ops.import_scene.fbx(filepath=path, ignore_leaf_bones=False)
 
 
+def import_usd(bpy, path):
+    bpy.ops.wm.usd_import(filepath=path, set_frame_range=True)
+
+
 def use_action(armature, action):
     """Blender 5 keeps the channels of an action in slots."""
     data = armature.animation_data or armature.animation_data_create()
@@ -69,13 +74,18 @@ def use_action(armature, action):
 
 
 def kind_of(path):
-    return path.lower().rsplit(".", 1)[-1]
+    extension = path.lower().rsplit(".", 1)[-1]
+    return "usd" if extension in ("usda", "usdz") else extension
 
 
 def action_of(bpy, clip, kind):
     actions = list(bpy.data.actions)
     if kind == "bvh":
         return actions[0] if len(actions) == 1 else None
+    if kind == "usd":
+        # Blend shapes have actions of their own.
+        named = [a for a in actions if any(c.data_path.startswith("pose.") for c in curves_of(a))]
+        return named[0] if len(named) == 1 else None
     if kind == "fbx":
         # The importer names an action after the armature, the stack and the layer.
         named = [a for a in actions if clip["name"] in a.name.split("|")]
@@ -84,10 +94,16 @@ def action_of(bpy, clip, kind):
     return named[0] if named else None
 
 
+def curves_of(action):
+    return [c for layer in action.layers for strip in layer.strips for bag in strip.channelbags for c in bag.fcurves]
+
+
 def frame_numbers(bpy, clip, kind):
     """Blender's frame of every frame of ours."""
     if kind == "bvh":
         return [1.0 + k for k in range(clip["frames"])]
+    if kind == "usd":
+        return [float(k) for k in range(clip["frames"])]
     seconds = clip.get("seconds") or [k * clip["frame_seconds"] for k in range(clip["frames"])]
     if kind == "fbx":
         # The importer counts with the whole number of frames a second, although it sets the true rate: a clip at 29.97
@@ -100,16 +116,32 @@ def plain(name):
     return re.sub(r"[\s{}]", "_", name)
 
 
+def usd_names(names, fallback):
+    """Our names of prims."""
+    given = {}
+    for index, name in enumerate(names):
+        base = re.sub(r"[^A-Za-z0-9]", "_", name)
+        base = base if base.strip("_") else f"{fallback}_{index + 1}"
+        base = "_" + base if base[0].isdigit() else base
+        unique, number = base, 2
+        while unique in given.values():
+            unique, number = f"{base}_{number}", number + 1
+        given[name] = unique
+    return given
+
+
 def check(bpy, path, expected):
     """All differences, as sentences."""
     kind = kind_of(path)
     is_bvh = kind == "bvh"
-    {"bvh": import_bvh, "glb": import_glb, "fbx": import_fbx}[kind](bpy, path)
+    in_file = usd_names(expected["bones"], "bone") if kind == "usd" else {}
+    in_file = in_file or {n: plain(n) if is_bvh else n for n in expected["bones"]}
+    {"bvh": import_bvh, "glb": import_glb, "fbx": import_fbx, "usd": import_usd}[kind](bpy, path)
     armatures = [o for o in bpy.data.objects if o.type == "ARMATURE"]
     if len(armatures) != 1:
         return [f"there are {len(armatures)} armatures, expected 1"]
     armature = armatures[0]
-    ours = [plain(n) if is_bvh else n for n in expected["bones"]]
+    ours = [in_file[n] for n in expected["bones"]]
     theirs = [b.name for b in armature.data.bones]
     print(f"bones: {len(theirs)} in Blender, {len(ours)} expected")
     faults = []
@@ -125,13 +157,13 @@ def check(bpy, path, expected):
         if action is None:
             faults.append(f"there is no action for the clip {clip['name']}: {[a.name for a in bpy.data.actions]}")
             continue
-        faults += check_clip(bpy, armature, action, clip, kind, size)
+        faults += check_clip(bpy, armature, action, clip, kind, size, in_file)
     for mesh in expected.get("meshes", []):
-        faults += check_mesh(bpy, armature, mesh)
+        faults += check_mesh(bpy, armature, mesh, in_file)
     return faults
 
 
-def check_mesh(bpy, armature, expected):
+def check_mesh(bpy, armature, expected, in_file):
     """Vertices, weights and shape keys of one mesh."""
     name = expected["name"]
     found = [o for o in bpy.data.objects if o.type == "MESH" and o.name == name]
@@ -156,6 +188,7 @@ def check_mesh(bpy, armature, expected):
     weight_off = 0.0
     for vertex, wanted in zip(mesh.data.vertices, expected["weights"]):
         have = {groups[g.group]: g.weight for g in vertex.groups}
+        wanted = {in_file[bone]: weight for bone, weight in wanted.items()}
         for bone in set(have) | set(wanted):
             weight_off = max(weight_off, abs(have.get(bone, 0.0) - wanted.get(bone, 0.0)))
     print(f"{name}: vertices off by {off:.3g} of {size:.4g}, weights by {weight_off:.3g}")
@@ -175,7 +208,7 @@ def check_mesh(bpy, armature, expected):
     return faults
 
 
-def check_clip(bpy, armature, action, clip, kind, size):
+def check_clip(bpy, armature, action, clip, kind, size, in_file):
     faults = []
     is_bvh = kind == "bvh"
     use_action(armature, action)
@@ -197,12 +230,12 @@ def check_clip(bpy, armature, action, clip, kind, size):
         evaluated = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
         worst, worst_bone = 0.0, ""
         for name, head in sample["heads"].items():
-            bone = evaluated.pose.bones[plain(name) if is_bvh else name]
+            bone = evaluated.pose.bones[in_file[name]]
             there = our_axes(evaluated.matrix_world @ bone.head)
             distance = sum((a - b) ** 2 for a, b in zip(there, head)) ** 0.5
             if not distance <= worst:
                 worst, worst_bone = distance, name
-        worst_turn = max((turned_by(armature, evaluated, name, q) for name, q in sample.get("turns", {}).items()), default=0)
+        worst_turn = max((turned_by(armature, evaluated, in_file[name], q) for name, q in sample.get("turns", {}).items()), default=0)
         if not worst_turn <= ANGLE:
             faults.append(f"{clip['name']}, frame {sample['frame']}: a bone is turned by {worst_turn} degrees from ours")
         print(f"{clip['name']}, frame {sample['frame']}: bones turned by {worst_turn:.3g} degrees at most")

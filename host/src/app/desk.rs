@@ -58,10 +58,11 @@ pub struct Preset {
 }
 
 /// Programs to choose from.
-pub const PRESETS: [Preset; 4] = [
+pub const PRESETS: [Preset; 5] = [
     Preset { name: "Blender", target: Target::Glb, rate: 24, how: "File, Import, glTF 2.0" },
     Preset { name: "Maya", target: Target::Fbx, rate: 24, how: "File, Import" },
     Preset { name: "Unreal", target: Target::Fbx, rate: 30, how: "drag the file into the content browser" },
+    Preset { name: "USD", target: Target::Usdz, rate: 24, how: "open the file, or reference it in a stage" },
     Preset {
         name: "Motion only",
         target: Target::Bvh,
@@ -71,8 +72,13 @@ pub const PRESETS: [Preset; 4] = [
 ];
 
 /// Formats to choose from, with their extensions and what they hold.
-pub const FORMATS: [(Target, &str, &str); 3] =
-    [(Target::Glb, "glb", "GLB"), (Target::Fbx, "fbx", "FBX"), (Target::Bvh, "bvh", "BVH, motion only")];
+pub const FORMATS: [(Target, &str, &str); 5] = [
+    (Target::Glb, "glb", "GLB"),
+    (Target::Fbx, "fbx", "FBX"),
+    (Target::Usdz, "usdz", "USDZ"),
+    (Target::Bvh, "bvh", "BVH, motion only"),
+    (Target::Vrma, "vrma", "VRMA, for VRM avatars"),
+];
 
 /// A format's extension.
 pub fn extension(target: Target) -> &'static str {

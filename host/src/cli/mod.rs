@@ -21,7 +21,7 @@ use crate::cli::function_args::{InterpolateArgs, SmoothArgs};
 use crate::cli::puppet_args::PuppetCommand;
 use crate::cli::rig_args::RigArgs;
 use crate::cli::surface_args::SurfaceCommand;
-use crate::cli::take_args::{ExportArgs, ReplayArgs};
+use crate::cli::take_args::{ExportArgs, ReplayArgs, RetargetArgs};
 use crate::cli::weight_args::{BindArgs, WeightsArgs};
 
 const AFTER_HELP: &str = "\
@@ -102,8 +102,10 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Edit takes without changing them: trim, overdub, smooth, loop and more, by a text file beside them
     Edit(EditArgs),
-    /// Write a take, or a take after its edits, as BVH or as an animated GLB or FBX
+    /// Write takes, also after their edits, for other programs: GLB, FBX, USD, BVH, VRMA, or numbers (CSV, NPZ, MCAP)
     Export(ExportArgs),
+    /// Move a character as a motion file or a take moves: by what the bones of both are, with feet that stay in place
+    Retarget(RetargetArgs),
     /// Run benchmarks
     Bench(BenchArgs),
     /// Serve a simulated puppet on a pseudo-terminal or a TCP port (what `--device sim:…` does in a second process)

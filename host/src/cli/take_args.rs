@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use armature_rig::{BoneNames, RestPose};
 use armature_take::FrameRate;
 use clap::Args;
 
@@ -9,6 +10,53 @@ use super::numbers::positive;
 use crate::characters::ground::GroundArgs;
 use crate::characters::shapes::ShapeArgs;
 use crate::files::Overwrite;
+
+/// The order in which a BVH names rotations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[expect(missing_docs, reason = "the axes need no words")]
+pub enum RotationOrder {
+    #[default]
+    Zxy,
+    Xyz,
+    Xzy,
+    Yxz,
+    Yzx,
+    Zyx,
+}
+
+impl RotationOrder {
+    /// The axes, x = 0.
+    pub fn axes(self) -> [usize; 3] {
+        match self {
+            Self::Zxy => [2, 0, 1],
+            Self::Xyz => [0, 1, 2],
+            Self::Xzy => [0, 2, 1],
+            Self::Yxz => [1, 0, 2],
+            Self::Yzx => [1, 2, 0],
+            Self::Zyx => [2, 1, 0],
+        }
+    }
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LengthUnit {
+    /// Metres: the character's own numbers
+    #[default]
+    M,
+    /// Centimetres: a hundred times as many
+    Cm,
+}
+
+impl LengthUnit {
+    /// How many of it are a metre.
+    pub fn of_metre(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Cm => 100.0,
+        }
+    }
+}
 
 /// `armature replay`
 #[derive(Debug, Args)]
@@ -44,30 +92,79 @@ pub struct ReplayArgs {
     pub shapes: ShapeArgs,
 }
 
+/// `armature retarget`
+#[derive(Debug, Args)]
+pub struct RetargetArgs {
+    /// The motion: a .bvh, .fbx, .glb or .gltf, a take, or an edit list
+    pub motion: PathBuf,
+    /// The character that shall move so: human, or a file with a skeleton
+    #[arg(short, long)]
+    pub character: String,
+    /// The file to write: a .take, which can be played, edited and exported, or any format of `armature export`
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Files that are already there.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
+    /// The clip, if the file has several; without it, the first
+    #[arg(long, value_name = "NAME")]
+    pub clip: Option<String>,
+    /// Frames per second of the file that is written; without it, the motion's own
+    #[arg(long)]
+    pub fps: Option<FrameRate>,
+    /// How much larger the way of the hips is; without it, as much as the character's legs are longer
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub scale: Option<f64>,
+    /// Turn bones only: feet that stand in the motion may slide
+    #[arg(long)]
+    pub no_contacts: bool,
+}
+
 /// `armature export`
 #[derive(Debug, Args)]
 pub struct ExportArgs {
-    /// The take, or an edit list (.edit)
-    pub take: PathBuf,
-    /// The file to write: .bvh, .glb or .fbx
+    /// The take, an edit list (.edit), or a motion file (.bvh, .fbx, .glb, .gltf); or several, with a folder as --to
+    #[arg(required = true)]
+    pub take: Vec<PathBuf>,
+    /// The file to write, or a folder for several: .bvh (skeleton and motion), .glb, .fbx, .usdz and .usda (with the
+    /// character's mesh; a .usda without images), .vrma (a human's motion for any VRM avatar), .csv, .npz and .mcap
+    /// (samples, angles and poses as numbers: a table, arrays for Python, a log for Foxglove)
     #[arg(short, long, value_name = "FILE")]
     pub to: PathBuf,
+    /// The format, by its extension, where --to is a folder
+    #[arg(long, value_name = "EXTENSION")]
+    pub format: Option<String>,
     /// Files that are already there.
     #[command(flatten)]
     pub overwrite: Overwrite,
     /// Frames per second of the exported motion: a number, a fraction such as 24000/1001, or 29.97df or 59.94df for drop
     /// frame. 23.976, 29.97 and 59.94 are the exact rates of film and video. The take is resampled from its own time
-    /// stamps
+    /// stamps; .csv and .mcap hold its samples as they are
     #[arg(long, default_value = "60")]
     pub fps: FrameRate,
     /// Remove what moves faster than half the frame rate where the rate falls; otherwise a tremor comes back as a slow
     /// wobble
     #[arg(long)]
     pub low_pass: bool,
-    /// Timecode of the first frame, HH:MM:SS:FF (HH:MM:SS;FF for drop frame). GLB keeps it in the animation's extras, FBX
-    /// in properties of the armature; BVH has no place for it
+    /// Timecode of the first frame, HH:MM:SS:FF (HH:MM:SS;FF for drop frame). GLB and VRMA keep it in the animation's
+    /// extras, FBX in properties of the armature, USD in the layer's custom data; the others have no place for it
     #[arg(long, value_name = "TIMECODE")]
     pub start_timecode: Option<String>,
+    /// Arms and legs rest in a T or an A in the file, whatever the character's own rest pose is; the motion stays the same
+    #[arg(long, value_name = "t|a")]
+    pub rest: Option<RestPose>,
+    /// The first frame is the rest pose, and the motion begins with the second
+    #[arg(long)]
+    pub rest_first: bool,
+    /// Call the bones that are recognised as another program does: mixamo, unreal, metahuman, vrm or cmu
+    #[arg(long, value_name = "PROGRAM")]
+    pub names: Option<BoneNames>,
+    /// The order of the rotations of a BVH
+    #[arg(long, value_enum, default_value_t)]
+    pub rotation_order: RotationOrder,
+    /// The unit of a BVH, which does not say it: a unit of the character counts as a metre
+    #[arg(long, value_enum, default_value_t)]
+    pub unit: LengthUnit,
     /// Also write the receipt as JSON: rate, jitter, losses, gaps, lag and drift of the take, and what was exported
     #[arg(long, value_name = "JSON")]
     pub receipt: Option<PathBuf>,
@@ -86,7 +183,7 @@ pub struct ExportArgs {
     /// The samples are solved again like this; without it, as the take was recorded.
     #[command(flatten)]
     pub ground: GroundArgs,
-    /// The character whose mesh is exported in a GLB or FBX; without it, the one the take was recorded with
+    /// The character whose mesh is exported in a GLB, FBX or USD; without it, the one the take was recorded with
     #[arg(short, long)]
     pub character: Option<String>,
     /// Shapes of the character.

@@ -13,6 +13,7 @@ mod mapping_words;
 mod no_window;
 mod puppet;
 mod replay;
+mod retarget;
 mod rig;
 mod run;
 mod sim;
@@ -34,6 +35,7 @@ pub use inspect::inspect;
 pub use no_window::window;
 pub use puppet::puppet;
 pub use replay::replay;
+pub use retarget::retarget;
 pub use rig::rig;
 pub use run::run;
 pub use sim::sim;
@@ -68,6 +70,7 @@ pub fn dispatch(command: Option<Command>, talk: Talk) -> Result<(), Failure> {
         Command::Replay(args) => replay(&args, talk),
         Command::Edit(args) => edit(&args, talk),
         Command::Export(args) => export(&args, talk),
+        Command::Retarget(args) => retarget(&args, talk),
         Command::Bench(args) => bench(&args),
         Command::Sim(args) => sim(&args),
         Command::Window(args) => window(&args),

@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 
 use armature_character::Character;
 use armature_formats::fbx::FbxNotes;
-use armature_formats::motion::{KeyInterpolation, annotate_clips};
+use armature_formats::motion::{BvhSettings, KeyInterpolation, annotate_clips};
 use armature_take::{
-    Edited, ExportError, ExportSettings, FrameRate, KeyReport, Surface, Take, TakeMotion, Timecode, bvh_of,
-    edited_motion, fbx_of, glb_of, take_motion,
+    Dress, Edited, ExportError, ExportSettings, FrameRate, KeyReport, McapError, Surface, Take, TakeMotion, Timecode,
+    bvh_of, check_surface, csv_of, csv_of_motion, edited_motion, fbx_of, glb_of, mcap_of, motion_take, npz_of,
+    take_motion, usd_of, vrma_of,
 };
 use serde_json::{Map, Value, json};
 
@@ -26,22 +27,66 @@ pub enum Target {
     Glb,
     /// The same for programs that read no glTF.
     Fbx,
+    /// The same for film pipelines, as text without images.
+    Usda,
+    /// The same as a package with its images.
+    Usdz,
+    /// A human's motion for any VRM avatar.
+    Vrma,
+    /// Samples, angles and poses as a table of text.
+    Csv,
+    /// The same as arrays for `NumPy`.
+    Npz,
+    /// The same as a log for the viewers of robotics.
+    Mcap,
 }
 
 impl Target {
+    /// All formats, by their extensions.
+    pub const ALL: [(&'static str, Self); 9] = [
+        ("bvh", Self::Bvh),
+        ("glb", Self::Glb),
+        ("fbx", Self::Fbx),
+        ("usda", Self::Usda),
+        ("usdz", Self::Usdz),
+        ("vrma", Self::Vrma),
+        ("csv", Self::Csv),
+        ("npz", Self::Npz),
+        ("mcap", Self::Mcap),
+    ];
+
     /// The format that a file's extension stands for.
     pub fn of_extension(extension: &str) -> Option<Self> {
-        match extension {
-            "bvh" => Some(Self::Bvh),
-            "glb" => Some(Self::Glb),
-            "fbx" => Some(Self::Fbx),
-            _ => None,
-        }
+        Self::ALL.iter().find(|(own, _)| *own == extension).map(|(_, target)| *target)
     }
 
     /// Whether the character's mesh is part of it.
     pub fn holds_mesh(self) -> bool {
-        self != Self::Bvh
+        matches!(self, Self::Glb | Self::Fbx | Self::Usda | Self::Usdz)
+    }
+
+    /// Whether it has a place for the timecode of its first frame.
+    fn holds_timecode(self) -> bool {
+        self.holds_mesh() || self == Self::Vrma
+    }
+
+    /// Whether it holds the samples of a take, at their own times.
+    pub fn holds_samples(self) -> bool {
+        matches!(self, Self::Csv | Self::Npz | Self::Mcap)
+    }
+
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bvh => "BVH",
+            Self::Glb => "GLB",
+            Self::Fbx => "FBX",
+            Self::Usda | Self::Usdz => "USD",
+            Self::Vrma => "VRMA",
+            Self::Csv => "CSV",
+            Self::Npz => "NPZ",
+            Self::Mcap => "MCAP",
+        }
     }
 }
 
@@ -56,6 +101,10 @@ pub struct Options {
     pub start: Option<Timecode>,
     /// Shapes of the character.
     pub shapes: Vec<ShapeWeight>,
+    /// Names of bones, rest pose and first frame.
+    pub dress: Dress,
+    /// Order of rotations and unit of a BVH.
+    pub bvh: BvhSettings,
 }
 
 impl Options {
@@ -63,7 +112,7 @@ impl Options {
     pub fn at(rate: FrameRate) -> Self {
         let mut settings = ExportSettings::default();
         settings.resample.frames_per_second = rate.frames_per_second();
-        Self { settings, rate, start: None, shapes: Vec::new() }
+        Self { settings, rate, start: None, shapes: Vec::new(), dress: Dress::default(), bvh: BvhSettings::default() }
     }
 }
 
@@ -82,15 +131,22 @@ pub struct Exported {
     pub keys: Option<KeyReport>,
     /// Bones.
     pub bones: usize,
+    /// Samples at the device's own times, if it holds any.
+    pub samples: Option<usize>,
     /// What in the motion was not measured, in sentences.
     pub notes: Vec<String>,
 }
 
 impl fmt::Display for Exported {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let frames = counted(self.frames, "frame", "frames");
         let bones = counted(self.bones, "bone", "bones");
-        write!(f, "{frames} at {} a second, {bones}, {} bytes", self.rate, self.bytes.len())?;
+        if let Some(samples) = self.samples {
+            write!(f, "{} at the device's times, ", counted(samples, "sample", "samples"))?;
+        }
+        if self.frames > 0 || self.samples.is_none() {
+            write!(f, "{} at {} a second, ", counted(self.frames, "frame", "frames"), self.rate)?;
+        }
+        write!(f, "{bones}, {} bytes", self.bytes.len())?;
         if let Some([first, last]) = self.timecodes {
             write!(f, ", timecode {first} to {last}")?;
         }
@@ -112,7 +168,7 @@ impl Exported {
         let (numerator, denominator) = self.rate.fraction();
         json!({
             "frames": self.frames, "frames_per_second": [numerator, denominator],
-            "drop_frame": self.rate.drops_numbers(), "bones": self.bones, "bytes": self.bytes.len(),
+            "drop_frame": self.rate.drops_numbers(), "bones": self.bones, "samples": self.samples, "bytes": self.bytes.len(),
             "timecode": self.timecodes.map(|codes| codes.map(|code| code.to_string())),
             "keys": self.keys.as_ref().map(|keys| json!({
                 "keys": keys.keys, "keys_before": keys.keys_before, "fewest_linear": keys.fewest_linear,
@@ -124,8 +180,8 @@ impl Exported {
     }
 }
 
-/// Exports a take, or what its edits make of it. A GLB or FBX needs the character; a bare skeleton gives a file without
-/// a mesh.
+/// Exports a take, or what its edits make of it. A GLB, FBX or USD needs the character; a bare skeleton gives a file
+/// without a mesh. CSV and MCAP of a take that was not edited are its samples, whatever the options say of frames.
 pub fn export(
     take: &Take,
     edited: Option<&Edited>,
@@ -135,38 +191,31 @@ pub fn export(
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Exported, Failure> {
     let settings = &options.settings;
+    let has_samples = edited.is_none() && take.samples().next().is_some();
+    if has_samples && matches!(target, Target::Csv | Target::Mcap) {
+        return samples_alone(take, target, options, progress);
+    }
     let motion = match edited {
         Some(edited) => edited_motion(edited, &settings.resample, progress),
         None => take_motion(take, settings, progress),
     };
-    let motion = motion.map_err(|e| failure(&e))?;
-    let reshaped = character.map(|character| reshaped(character, &options.shapes)).transpose()?.flatten();
-    let surface = reshaped.as_ref().or_else(|| character?.character()).map(surface_of);
+    let mut motion = motion.map_err(|e| failure(&e))?;
     let name = &take.header().character_name;
-    let mut left_out = Vec::new();
-    let (bytes, taken, keys, missing) = match target {
-        Target::Bvh => {
-            let exported = bvh_of(motion).map_err(|e| failure(&e))?;
-            (exported.file.into_bytes(), exported.motion, None, exported.missing_shapes)
-        }
-        Target::Glb => {
-            let exported = glb_of(motion, name, surface.as_ref(), "take", settings.keys.as_ref(), progress)
-                .map_err(|e| failure(&e))?;
-            let file = match options.start {
-                Some(start) => annotate_clips(&exported.file, &Value::Object(timecode_of(start)))?,
-                None => exported.file,
-            };
-            (file, exported.motion, exported.keys, exported.missing_shapes)
-        }
-        Target::Fbx => {
-            let text = |(key, value): (String, Value)| (key, value.as_str().map_or(value.to_string(), str::to_owned));
-            let properties = options.start.into_iter().flat_map(timecode_of).map(text).collect();
-            let notes = FbxNotes { properties, drops_numbers: options.rate.drops_numbers() };
-            let exported = fbx_of(motion, name, surface.as_ref(), "take", &notes).map_err(|e| failure(&e))?;
-            left_out = exported.file.left_out;
-            (exported.file.bytes, exported.motion, None, exported.missing_shapes)
-        }
-    };
+    let reshaped = character.map(|character| reshaped(character, &options.shapes)).transpose()?.flatten();
+    let own = reshaped.as_ref().or_else(|| character?.character()).map(surface_of);
+    if options.dress != Dress::default() {
+        check_surface(&motion, name, own.as_ref()).map_err(|e| failure(&e))?;
+    }
+    let dressed = options.dress.apply(&mut motion.resampled.motion, own.as_ref().map(|surface| &surface.mesh));
+    let dressed =
+        dressed.map_err(|why| Failure::input(why, "leave out --rest, or name the bones as other programs do"))?;
+    let surface = own.map(|own| {
+        let is_other = own.skeleton != &dressed.skeleton && options.dress == Dress::default();
+        let skeleton = if is_other { own.skeleton } else { &dressed.skeleton };
+        Surface { skeleton, mesh: dressed.mesh(own.mesh), ..own }
+    });
+    let work = Work { take, target, options, has_samples };
+    let Written { bytes, taken, keys, missing, left_out } = write(&work, motion, surface.as_ref(), progress)?;
     let motion = &taken.resampled.motion;
     let frames = motion.frames.len();
     let last = |start: Timecode| start.after(frames.saturating_sub(1) as u64);
@@ -174,14 +223,17 @@ pub fn export(
     notes.extend(left_out);
     if !missing.is_empty() {
         let names = missing.join(", ");
-        notes.push(match target {
-            Target::Bvh => format!("BVH has no place for the weights of blend shapes, which the take sets: {names}"),
-            _ => format!("the take sets shapes that the character does not have: {names}"),
+        notes.push(if target.holds_mesh() {
+            format!("the take sets shapes that the character does not have: {names}")
+        } else {
+            format!("{} has no place for the weights of blend shapes, which the take sets: {names}", target.name())
         });
     }
     notes.extend(edited.iter().flat_map(|edited| edited.notes.clone()));
-    if options.start.is_some() && target == Target::Bvh {
-        notes.push("BVH has no place for timecode; it is only in what is printed here and in the receipt".into());
+    if options.start.is_some() && !target.holds_timecode() {
+        let format = target.name();
+        notes
+            .push(format!("{format} has no place for timecode; it is only in what is printed here and in the receipt"));
     }
     if let Some(keys) = keys.as_ref().filter(|_| is_spline(settings)) {
         notes.push(
@@ -196,8 +248,126 @@ pub fn export(
         timecodes: options.start.map(|start| [start, last(start)]),
         keys,
         bones: motion.skeleton.len(),
+        samples: (target.holds_samples() && has_samples).then(|| take.samples().count()),
         notes,
     })
+}
+
+/// What is exported, and how.
+#[derive(Clone, Copy)]
+struct Work<'a> {
+    take: &'a Take,
+    target: Target,
+    options: &'a Options,
+    /// Whether the take's samples go along.
+    has_samples: bool,
+}
+
+/// A file, what is in it, and what is not.
+struct Written {
+    bytes: Vec<u8>,
+    taken: TakeMotion,
+    keys: Option<KeyReport>,
+    /// Shapes that the take sets and the file does not have.
+    missing: Vec<String>,
+    left_out: Vec<String>,
+}
+
+/// The file of a motion.
+fn write(
+    work: &Work<'_>,
+    motion: TakeMotion,
+    surface: Option<&Surface<'_>>,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<Written, Failure> {
+    let Work { take, target, options, has_samples } = *work;
+    let name = &take.header().character_name;
+    let mut left_out = Vec::new();
+    let (bytes, taken, keys, missing) = match target {
+        Target::Bvh => {
+            let exported = bvh_of(motion, &options.bvh).map_err(|e| failure(&e))?;
+            (exported.file.into_bytes(), exported.motion, None, exported.missing_shapes)
+        }
+        Target::Glb => {
+            let exported = glb_of(motion, name, surface, "take", options.settings.keys.as_ref(), progress)
+                .map_err(|e| failure(&e))?;
+            let file = match options.start {
+                Some(start) => annotate_clips(&exported.file, &Value::Object(timecode_of(start)))?,
+                None => exported.file,
+            };
+            (file, exported.motion, exported.keys, exported.missing_shapes)
+        }
+        Target::Fbx => {
+            let notes = FbxNotes { properties: timecode_texts(options), drops_numbers: options.rate.drops_numbers() };
+            let exported = fbx_of(motion, name, surface, "take", &notes).map_err(|e| failure(&e))?;
+            left_out = exported.file.left_out;
+            (exported.file.bytes, exported.motion, None, exported.missing_shapes)
+        }
+        Target::Usda | Target::Usdz => {
+            let (images, texts) = (target == Target::Usdz, timecode_texts(options));
+            let exported = usd_of(motion, name, surface, "take", images, &texts).map_err(|e| failure(&e))?;
+            left_out = exported.file.left_out;
+            (exported.file.bytes, exported.motion, None, exported.missing_shapes)
+        }
+        Target::Vrma => {
+            let exported = vrma_of(motion, name, "take").map_err(|e| failure(&e))?;
+            left_out = exported.file.left_out;
+            let file = match options.start {
+                Some(start) => annotate_clips(&exported.file.bytes, &Value::Object(timecode_of(start)))?,
+                None => exported.file.bytes,
+            };
+            (file, exported.motion, None, exported.missing_shapes)
+        }
+        Target::Csv => (csv_of_motion(&motion.resampled.motion).into_bytes(), motion, None, Vec::new()),
+        Target::Npz => {
+            let bytes = npz_of(&motion.resampled.motion, has_samples.then_some(take))?;
+            (bytes, motion, None, Vec::new())
+        }
+        Target::Mcap => {
+            let frames = motion_take(&motion.resampled.motion, take.header())
+                .map_err(|e| Failure::input(e.to_string(), "export a shorter take"))?;
+            (mcap_of(&frames, progress).map_err(|e| of_mcap(&e))?, motion, None, Vec::new())
+        }
+    };
+    Ok(Written { bytes, taken, keys, missing, left_out })
+}
+
+/// The samples of a take at their own times, with the poses that were recorded.
+fn samples_alone(
+    take: &Take,
+    target: Target,
+    options: &Options,
+    progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+) -> Result<Exported, Failure> {
+    let bytes = match target {
+        Target::Mcap => mcap_of(take, progress).map_err(|e| of_mcap(&e))?,
+        _ => csv_of(take).into_bytes(),
+    };
+    let mut notes = Vec::new();
+    if options.start.is_some() {
+        let format = target.name();
+        notes.push(format!("{format} has no place for timecode; its times are the device's"));
+    }
+    Ok(Exported {
+        bytes,
+        frames: 0,
+        rate: options.rate,
+        timecodes: None,
+        keys: None,
+        bones: take.skeleton().map_or(0, armature_rig::Skeleton::len),
+        samples: Some(take.samples().count()),
+        notes,
+    })
+}
+
+fn of_mcap(error: &McapError) -> Failure {
+    Failure::input(error.to_string(), "`armature inspect` says what the take holds")
+}
+
+/// The timecode of the first frame as names and texts.
+fn timecode_texts(options: &Options) -> Vec<(String, String)> {
+    let text = |(key, value): (String, Value)| (key, value.as_str().map_or(value.to_string(), str::to_owned));
+    options.start.into_iter().flat_map(timecode_of).map(text).collect()
 }
 
 fn is_spline(settings: &ExportSettings) -> bool {

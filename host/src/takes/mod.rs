@@ -3,6 +3,7 @@
 pub mod edits;
 pub mod exports;
 pub mod library;
+pub mod motions;
 pub mod opened;
 pub mod orders;
 pub mod receipt;
@@ -27,8 +28,11 @@ pub fn read(path: &Path) -> Result<(Take, ReadReport), Failure> {
     Take::read(&files::read(path)?).map_err(|e| Failure::input(format!("{}: {e}", path.display()), ""))
 }
 
-/// Reads a take and reports what is missing from it.
+/// Reads a take, or a motion file as one, and reports what is missing from it.
 pub fn read_and_tell(path: &Path) -> Result<Take, Failure> {
+    if motions::is_motion(path) {
+        return motions::read_as_take(path);
+    }
     let (take, report) = read(path)?;
     for problem in &report.problems {
         aside!("note: {}: {problem}", path.display());

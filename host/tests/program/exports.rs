@@ -86,7 +86,7 @@ fn check_exports(place: &Place, name: &str, character: &str) {
     let moved = turns(0).zip(turns(motion.frames.len() / 2)).filter(|(a, b)| a.angle_between(*b) > 1e-2).count();
     assert!(moved >= 8, "{name}: only {moved} bones have moved by the middle");
     let expected = place.write(&format!("{name}.json"), expectation(&motion).to_string());
-    for extension in ["glb", "bvh", "fbx"] {
+    for extension in ["glb", "bvh", "fbx", "usda", "usdz"] {
         let file = format!("{name}.{extension}");
         let ran = place.done(&["export", &take_file, "--to", &file, "--fps", "30", "--character", character]);
         let said = format!("{file}: {} frames at 30 a second, {} bones", motion.frames.len(), motion.skeleton.len());
@@ -130,7 +130,7 @@ fn a_take_of_bones_alone(place: &Place) {
     place.done(&["export", "bones.take", "--to", "bones-again.glb", "--fps", "30"]);
     assert!(place.read("bones-again.glb") == place.read("bones.glb"));
     let folder = place.folder.to_str().unwrap().as_bytes();
-    for file in ["bones.take", "bones.glb", "bones.bvh", "bones.fbx"] {
+    for file in ["bones.take", "bones.glb", "bones.bvh", "bones.fbx", "bones.usdz"] {
         let bytes = place.read(file);
         assert!(!bytes.windows(folder.len()).any(|part| part == folder), "{file} contains the path on this machine");
     }
@@ -176,6 +176,7 @@ fn a_take_at_the_rates_of_film() {
             ("splines.glb", &splines[..]),
             ("film.bvh", &[]),
             ("film.fbx", &[]),
+            ("film.usdz", &[]),
         ] {
             let export = ["export", "hand.take", "--to", file, "--fps", fps, "--low-pass", "--start-timecode", start];
             let ran = place.done(&[&export[..], more, &["--receipt", "receipt.json", "--force"]].concat());
@@ -195,7 +196,7 @@ fn a_take_at_the_rates_of_film() {
                     text.lines().find_map(|line| line.strip_prefix("Frame Time: ")).unwrap().parse().unwrap();
                 assert!((period * f64::from(numerator) / f64::from(denominator) - 1.0).abs() < 1e-15, "{period}");
                 assert!(ran.err.contains("BVH has no place for timecode"), "{ran:?}");
-            } else if file == "film.fbx" {
+            } else if file == "film.fbx" || file == "film.usdz" {
                 assert!(text.contains("start_timecode") && text.contains(start), "{fps}");
             } else {
                 assert!(text.contains(&format!("\"start_timecode\":\"{start}\"")), "{fps}");

@@ -20,5 +20,6 @@ mod shapes;
 mod streams;
 mod surface_command;
 mod takes;
+mod travel;
 mod volume_command;
 mod weights_command;

@@ -25,10 +25,11 @@
 //! | [`model`] | the contents of a model file; drawn vertices along seams |
 //! | [`mesh`] | [`write_obj`](mesh::write_obj), [`write_mesh`](mesh::write_mesh) (Medit), [`write_msh`](mesh::write_msh) (Gmsh), [`write_vtu`](mesh::write_vtu) (VTK) |
 //! | [`skeleton`] | [`read_tgf`](skeleton::read_tgf), [`skeleton_from_graph`](skeleton::skeleton_from_graph) |
-//! | [`motion`] | [`read_bvh`](motion::read_bvh), [`write_bvh`](motion::write_bvh), [`add_clip`](motion::add_clip) |
+//! | [`motion`] | [`read_bvh`](motion::read_bvh), [`write_bvh`](motion::write_bvh), [`add_clip`](motion::add_clip), [`write_vrma`](motion::write_vrma) |
 //! | [`gltf`] | [`write_glb`](gltf::write_glb), [`read_gltf_skeleton`](gltf::read_gltf_skeleton) |
 //! | [`fbx`] | [`write_fbx`](fbx::write_fbx), [`read_fbx_skeleton`](fbx::read_fbx_skeleton) |
-//! | [`tables`] | [`read_npy`](tables::read_npy), [`write_npy`](tables::write_npy), [`read_dmat`](tables::read_dmat), [`write_dmat`](tables::write_dmat) |
+//! | [`usd`] | [`write_usda`](usd::write_usda), [`write_usdz`](usd::write_usdz) |
+//! | [`tables`] | [`read_npy`](tables::read_npy), [`write_npy`](tables::write_npy), [`write_npz`](tables::write_npz), [`read_dmat`](tables::read_dmat), [`write_dmat`](tables::write_dmat) |
 //! | [`settings`] | [`read_calibration`](settings::read_calibration), [`write_calibration`](settings::write_calibration), [`read_mapping`](settings::read_mapping), [`write_mapping`](settings::write_mapping) |
 //!
 //! Everything here is pure: bytes come in, files that a file references come through a [`model::Resolver`], and errors
@@ -37,6 +38,7 @@
 
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "numbers from a file are kept unchanged"))]
 
+mod archive;
 pub mod fbx;
 pub mod gltf;
 pub mod mesh;
@@ -47,6 +49,7 @@ pub mod settings;
 pub mod skeleton;
 pub mod tables;
 mod text;
+pub mod usd;
 
 pub use read_model::read_model;
 pub use text::{FormatError, Place};

@@ -32,6 +32,7 @@
 //! | [`filter`] | [`Filter`], and its lag |
 //! | [`recognise`](mod@recognise) | [`recognise`](fn@recognise) what a skeleton and each of its bones is |
 //! | [`mapping`] | [`propose`] which part drives which bone; [`match_rest`]: the character's rest pose as the puppet's |
+//! | [`retarget`](mod@retarget) | [`retarget()`] a motion to another skeleton; [`humanoid_motion`]: the bones that humanoids share |
 //! | [`ground`] | [`GroundContact::follow`]: roots that follow the foot on the floor |
 //! | [`dynamics`] | [`SpringBones::follow`]: bones that swing |
 //! | [`pose`] | [`StreamSolver::solve`] a sample into a pose |
@@ -50,6 +51,7 @@ pub mod mapping;
 pub mod pose;
 pub mod puppet;
 pub mod recognise;
+pub mod retarget;
 pub mod skeleton;
 pub mod steps;
 
@@ -62,7 +64,7 @@ pub use ground::{Ground, GroundContact, GroundError, GroundMode, GroundPoint};
 pub use mapping::{
     DriveAxis, LEAST_REST_TURN, MOST_CURL, Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind,
     RestMatch, RestPose, RestTurn, ShapeDrive, SharedJoint, Sharing, carried, match_rest, match_rest_pose, propose,
-    propose_with,
+    propose_with, rest_in,
 };
 pub use pose::{
     BoneQuality, BoneStatus, PoseCompletion, PoseSolver, SampleError, ShapeError, ShapeWeights, SolveError,
@@ -73,7 +75,10 @@ pub use puppet::{
     joint_angles_near, joint_rotation, skeleton_puppet, wrapped,
 };
 pub use recognise::{
-    Evidence, Figure, Finger, HumanoidBone, HumanoidPart, RecognisedBone, Recognition, Side, recognise,
+    BoneNames, Evidence, Figure, Finger, HumanoidBone, HumanoidPart, RecognisedBone, Recognition, Side, recognise,
+};
+pub use retarget::{
+    HumanoidError, RetargetError, RetargetReport, RetargetSettings, Retargeted, humanoid_motion, retarget,
 };
 pub use skeleton::{Bone, ChildOrder, Motion, MotionError, Pose, Skeleton, SkeletonError, Transform};
 pub use steps::{

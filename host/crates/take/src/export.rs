@@ -6,11 +6,12 @@ use armature_formats::FormatError;
 use armature_formats::fbx::{FbxFile, FbxNotes, write_fbx};
 use armature_formats::gltf::{GlbClip, GlbMesh, GlbScene, write_glb};
 use armature_formats::model::{Expression, set_shapes, targets_of_shape};
-use armature_formats::motion::{add_clip, write_bvh};
-use armature_rig::Skeleton;
+use armature_formats::motion::{BvhSettings, VrmaFile, add_clip, write_bvh_as, write_vrma};
+use armature_formats::usd::{UsdFile, write_usda, write_usdz};
+use armature_rig::{Motion, Skeleton};
 
 use crate::edit::Edited;
-use crate::file::{PackedPose, Take};
+use crate::file::{Header, PackedPose, Take, TakeError, TakeWriter, WriteError};
 use crate::keys::{KeyError, KeyReport, KeySettings, reduce_keys};
 use crate::replay::{ReplayError, ReplaySummary, solve_again};
 use crate::shapes::ShapeTrack;
@@ -138,13 +139,18 @@ pub fn export_bvh(
     settings: &ExportSettings,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Exported<String>, ExportError> {
-    bvh_of(take_motion(take, settings, progress)?)
+    bvh_of(take_motion(take, settings, progress)?, &BvhSettings::default())
 }
 
 /// A motion as BVH.
-pub fn bvh_of(motion: TakeMotion) -> Result<Exported<String>, ExportError> {
-    let missing_shapes = motion.shapes.iter().flat_map(|track| track.names().to_vec()).collect();
-    Ok(Exported { file: write_bvh(&motion.resampled.motion)?, motion, keys: None, missing_shapes })
+pub fn bvh_of(motion: TakeMotion, settings: &BvhSettings) -> Result<Exported<String>, ExportError> {
+    let missing_shapes = names_of_shapes(&motion);
+    Ok(Exported { file: write_bvh_as(&motion.resampled.motion, settings)?, motion, keys: None, missing_shapes })
+}
+
+/// The shapes that a take sets, none of which a format without a mesh has a place for.
+fn names_of_shapes(motion: &TakeMotion) -> Vec<String> {
+    motion.shapes.iter().flat_map(|track| track.names().to_vec()).collect()
 }
 
 /// The character that a take is exported with.
@@ -208,7 +214,7 @@ pub fn glb_of(
     keys: Option<&KeySettings>,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Exported<Vec<u8>>, ExportError> {
-    check_skeleton(&motion, character, surface)?;
+    check_surface(&motion, character, surface)?;
     let scene = |clips| scene_of(&motion, character, surface, clips);
     let (rows, missing_shapes) = weight_rows(&motion, surface);
     let clip = GlbClip { weights: &rows, ..GlbClip::of_motion(clip_name, &motion.resampled.motion) };
@@ -232,15 +238,77 @@ pub fn fbx_of(
     clip_name: &str,
     notes: &FbxNotes,
 ) -> Result<Exported<FbxFile>, ExportError> {
-    check_skeleton(&motion, character, surface)?;
+    check_surface(&motion, character, surface)?;
     let (rows, missing_shapes) = weight_rows(&motion, surface);
     let clips = vec![GlbClip { weights: &rows, ..GlbClip::of_motion(clip_name, &motion.resampled.motion) }];
     let file = write_fbx(&scene_of(&motion, character, surface, clips), notes)?;
     Ok(Exported { file, motion, keys: None, missing_shapes })
 }
 
+/// A motion as USD, with a key for every frame: as text, or with `images` as a package with the images of its materials.
+/// `properties`: names and texts for the layer's custom data; otherwise as [`glb_of`].
+pub fn usd_of(
+    motion: TakeMotion,
+    character: &str,
+    surface: Option<&Surface<'_>>,
+    clip_name: &str,
+    images: bool,
+    properties: &[(String, String)],
+) -> Result<Exported<UsdFile>, ExportError> {
+    check_surface(&motion, character, surface)?;
+    let (rows, missing_shapes) = weight_rows(&motion, surface);
+    let clips = vec![GlbClip { weights: &rows, ..GlbClip::of_motion(clip_name, &motion.resampled.motion) }];
+    let scene = scene_of(&motion, character, surface, clips);
+    let file = if images { write_usdz(&scene, properties)? } else { write_usda(&scene, properties)? };
+    Ok(Exported { file, motion, keys: None, missing_shapes })
+}
+
+/// A human's motion as VRM animation.
+pub fn vrma_of(motion: TakeMotion, character: &str, clip_name: &str) -> Result<Exported<VrmaFile>, ExportError> {
+    let file = write_vrma(character_in_exports(character), clip_name, &motion.resampled.motion)?;
+    let missing_shapes = names_of_shapes(&motion);
+    Ok(Exported { file, motion, keys: None, missing_shapes })
+}
+
+/// A motion as a take: a pose for each frame, at its time to the microsecond. It has no samples, so it is exported, edited
+/// and played, but not solved again.
+///
+/// ```
+/// use armature_rig::{Bone, Motion, Skeleton, Transform};
+/// use armature_take::{Header, motion_take};
+///
+/// let bone = Bone { name: "arm".into(), parent: None, rest: Transform::IDENTITY, tail: [0.0, 1.0, 0.0].into() };
+/// let skeleton = Skeleton::new(vec![bone])?;
+/// let frames = vec![skeleton.rest_pose(); 3];
+/// let motion = Motion::new(skeleton, 0.04, frames)?;
+/// let take = motion_take(&motion, &Header { character_name: "arm".into(), ..Header::default() })?;
+/// assert_eq!(take.poses().map(|pose| pose.device_micros).collect::<Vec<_>>(), [0, 40_000, 80_000]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn motion_take(motion: &Motion, header: &Header) -> Result<Take, MotionTakeError> {
+    let mut writer = TakeWriter::new(Vec::new(), header)?;
+    writer.skeleton(&motion.skeleton)?;
+    for (sequence, pose) in (0_u32..).zip(&motion.frames) {
+        // Rounded up, so that the last frame is within the time that the last pose says.
+        let micros = libm::ceil(f64::from(sequence) * motion.frame_seconds * 1e6 - 1e-3) as u64;
+        writer.pose(sequence, micros, pose)?;
+    }
+    Ok(Take::read(&writer.finish()?)?.0)
+}
+
+/// Why a motion is no take.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionTakeError {
+    /// A record cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// It cannot be read again.
+    #[error(transparent)]
+    Read(#[from] TakeError),
+}
+
 /// Refuses a surface that is bound to another skeleton than the motion's.
-fn check_skeleton(motion: &TakeMotion, character: &str, surface: Option<&Surface<'_>>) -> Result<(), ExportError> {
+pub fn check_surface(motion: &TakeMotion, character: &str, surface: Option<&Surface<'_>>) -> Result<(), ExportError> {
     match surface.and_then(|surface| difference(&motion.resampled.motion.skeleton, surface.skeleton)) {
         Some(difference) => Err(ExportError::OtherSkeleton { character: character.to_owned(), difference }),
         None => Ok(()),

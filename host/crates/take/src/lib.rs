@@ -39,13 +39,17 @@
 //! | [`compare`](mod@compare) | [`compare()`]: the poses of one take against those of another |
 //! | [`time`] | [`Timeline::recorded`] puts poses on one timeline; [`resample`] brings them to a constant rate; [`FrameRate`] and [`Timecode`] name frames |
 //! | [`keys`] | [`reduce_keys`]: fewer keys, with a bound on what that changes |
-//! | [`export`] | [`export_bvh`] and [`export_glb`]; [`bvh_of`], [`glb_of`] and [`fbx_of`] of a motion |
+//! | [`export`] | [`export_bvh`] and [`export_glb`]; [`bvh_of`], [`glb_of`], [`fbx_of`], [`usd_of`] and [`vrma_of`] of a motion |
+//! | [`dressed`] | [`Dress::apply`]: another program's names of bones, rest pose and first frame |
+//! | [`data`] | [`csv_of`], [`npz_of`] and [`mcap_of`]: samples, angles and poses as numbers |
 //! | [`shapes`] | [`ShapeTrack::of`] a take: the weights of blend shapes over its time |
 //! | [`summary`] | [`summarize`]: counts, times and losses |
 //! | [`receipt`](mod@receipt) | [`receipt()`]: what the measurement is worth: rate, jitter, losses, lag, drift |
 
 pub mod compare;
 pub mod curves;
+pub mod data;
+pub mod dressed;
 pub mod edit;
 pub mod export;
 pub mod file;
@@ -58,10 +62,12 @@ pub mod time;
 
 pub use compare::{CompareError, Comparison, PoseDifference, Tolerance, compare};
 pub use curves::{Curves, JointCurve, Span, curves};
+pub use data::{McapError, csv_of, csv_of_motion, mcap_of, npz_of};
+pub use dressed::{Dress, Dressed};
 pub use edit::{Edit, EditError, EditList, EditListError, Edited, apply_edits};
 pub use export::{
-    ExportError, ExportSettings, Exported, PoseSource, Surface, TakeMotion, bvh_of, edited_motion, export_bvh,
-    export_glb, fbx_of, glb_of, take_motion,
+    ExportError, ExportSettings, Exported, MotionTakeError, PoseSource, Surface, TakeMotion, bvh_of, check_surface,
+    edited_motion, export_bvh, export_glb, fbx_of, glb_of, motion_take, take_motion, usd_of, vrma_of,
 };
 pub use file::{
     ClockFault, Event, EventKind, Header, InverseKinematicsHeader, MAGIC, MAJOR_VERSION, MAX_PARTS, MAX_PAYLOAD_BYTES,

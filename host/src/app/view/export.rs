@@ -25,7 +25,7 @@ pub(super) fn dialog(ctx: &Context, state: &mut State, actions: &mut Vec<Action>
             ui.horizontal(|ui| {
                 for (index, preset) in PRESETS.iter().enumerate() {
                     let button =
-                        Button::new(preset.name).selected(form.preset == index).min_size(Vec2::new(96.0, 30.0));
+                        Button::new(preset.name).selected(form.preset == index).min_size(Vec2::new(76.0, 30.0));
                     if ui.add(button).on_hover_text(format!("In the program: {}", preset.how)).clicked() {
                         form.choose(index);
                     }
@@ -34,7 +34,7 @@ pub(super) fn dialog(ctx: &Context, state: &mut State, actions: &mut Vec<Action>
             widgets::quiet(ui, format!("In the program: {}.", PRESETS[form.preset.min(PRESETS.len() - 1)].how));
             egui::Grid::new("export").num_columns(2).spacing([14.0, 8.0]).show(ui, |ui| {
                 ui.label("Format");
-                ui.horizontal(|ui| {
+                ui.horizontal_wrapped(|ui| {
                     for (target, extension, label) in FORMATS {
                         if ui.selectable_label(form.target == target, label).clicked() {
                             form.target = target;

@@ -1,10 +1,6 @@
 //! The parts of a surface as meshes with skins and blend shapes.
 //!
-//! A vertex of the file is a vertex of the welded mesh, so that a surface stays closed; normals, texture coordinates and
-//! colours belong to corners. Where a blend shape moves two drawn vertices of one place apart (the lips of a closed
-//! mouth), they are two vertices of the file.
-
-use std::collections::HashMap;
+//! A vertex of the file is one of [`Points`]; normals, texture coordinates and colours belong to corners.
 
 use glam::{DAffine3, DVec3};
 
@@ -14,6 +10,7 @@ use super::write_skeleton::{matrix, model};
 use crate::FormatError;
 use crate::gltf::GlbScene;
 use crate::gltf::pieces::{Cut, Piece, bound_frames};
+use crate::gltf::points::Points;
 use crate::gltf::scene::bad;
 use crate::gltf::write_skin::whole_row;
 
@@ -66,36 +63,6 @@ pub(super) fn write_surface(
         written.models.push((own, DAffine3::IDENTITY));
     }
     Ok(written)
-}
-
-/// The vertices of a mesh in the file.
-struct Points {
-    /// The mesh vertex of each.
-    vertex: Vec<u32>,
-    /// Position without blend shapes.
-    position: Vec<[f64; 3]>,
-    /// By piece: the vertex of each drawn vertex.
-    of_drawn: Vec<Vec<u32>>,
-}
-
-impl Points {
-    fn of(cut: &Cut, group: &[Piece]) -> Self {
-        let mut known: HashMap<(u32, Vec<[u32; 3]>), u32> = HashMap::new();
-        let mut points = Self { vertex: Vec::new(), position: Vec::new(), of_drawn: Vec::new() };
-        for piece in group {
-            let drawn = cut.vertex_of[piece.drawn()].iter().enumerate().map(|(k, &vertex)| {
-                let offsets = piece.targets.iter().map(|target| target.positions[k].map(f32::to_bits)).collect();
-                *known.entry((vertex, offsets)).or_insert_with(|| {
-                    points.vertex.push(vertex);
-                    points.position.push(piece.base_position(cut.surface.mesh.vertices[vertex as usize], k));
-                    points.vertex.len() as u32 - 1
-                })
-            });
-            let drawn = drawn.collect();
-            points.of_drawn.push(drawn);
-        }
-        points
-    }
 }
 
 /// Which material each piece is drawn with, by its place in the mesh's list.
@@ -236,21 +203,9 @@ fn write_shapes(document: &mut Document, name: &str, geometry: Id, group: &[Piec
     let blend = document.add("Deformer", [name, "Deformer"], "BlendShape", vec![version()]);
     document.connect(blend, geometry);
     for (k, target) in targets.iter().enumerate() {
-        // Each vertex of the file once: its offset, and the sum of what its drawn vertices' normals turn by.
-        let mut moved: Vec<([f32; 3], DVec3, f64)> = vec![([0.0; 3], DVec3::ZERO, 0.0); points.vertex.len()];
-        for (piece, of_drawn) in group.iter().zip(&points.of_drawn) {
-            let target = piece.targets[k];
-            for (drawn, &point) in of_drawn.iter().enumerate() {
-                let slot = &mut moved[point as usize];
-                slot.0 = target.positions[drawn];
-                if let Some(normal) = target.normals.get(drawn) {
-                    slot.1 += DVec3::from(normal.map(f64::from));
-                    slot.2 += 1.0;
-                }
-            }
-        }
+        let moved = points.moved_by(group, k);
         let is_moved =
-            |(offset, normal, _): &&([f32; 3], DVec3, f64)| offset.iter().any(|c| *c != 0.0) || *normal != DVec3::ZERO;
+            |(offset, normal): &&([f32; 3], DVec3)| offset.iter().any(|c| *c != 0.0) || *normal != DVec3::ZERO;
         let mut indices: Vec<i32> = (0..).zip(&moved).filter(|(_, m)| is_moved(m)).map(|(i, _)| i).collect();
         if indices.is_empty() {
             // Programs do not expect a shape without a vertex.
@@ -264,7 +219,7 @@ fn write_shapes(document: &mut Document, name: &str, geometry: Id, group: &[Piec
             Node::of("Vertices", Value::Reals(offsets)),
         ];
         if !target.normals.is_empty() {
-            let turns = indices.iter().flat_map(|i| (of(i).1 / of(i).2.max(1.0)).to_array()).collect();
+            let turns = indices.iter().flat_map(|i| of(i).1.to_array()).collect();
             children.push(Node::of("Normals", Value::Reals(turns)));
         }
         let shape = document.add("Geometry", [&target.name, "Geometry"], "Shape", children);

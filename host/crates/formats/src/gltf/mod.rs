@@ -14,6 +14,7 @@ mod meshopt;
 mod nodes;
 mod open;
 pub(crate) mod pieces;
+pub(crate) mod points;
 mod primitive;
 mod read;
 mod read_material;

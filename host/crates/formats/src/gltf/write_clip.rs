@@ -162,7 +162,7 @@ fn key_times(clip: &GlbClip) -> Result<Vec<[f32; 1]>, FormatError> {
 }
 
 /// Unit quaternions, each with the sign closer to the one before.
-fn continuous(rotations: impl Iterator<Item = Quat>) -> Vec<[f32; 4]> {
+pub(crate) fn continuous(rotations: impl Iterator<Item = Quat>) -> Vec<[f32; 4]> {
     let mut last = Quat::IDENTITY;
     let mut out = Vec::new();
     for rotation in rotations {

@@ -163,13 +163,13 @@ fn parse<T: DeserializeOwned>(text: &RawValue) -> Result<T, FormatError> {
 }
 
 /// A GLB whose description is kept as text, entry by entry.
-struct File {
+pub(super) struct File {
     entries: Entries,
     binary: Vec<u8>,
 }
 
 impl File {
-    fn read(glb: &[u8]) -> Result<Self, FormatError> {
+    pub(super) fn read(glb: &[u8]) -> Result<Self, FormatError> {
         let glb = gltf::binary::Glb::from_slice(glb).map_err(|error| bad(error.to_string()))?;
         let entries = serde_json::from_slice(&glb.json).map_err(|error| bad(error.to_string()))?;
         Ok(Self { entries, binary: glb.bin.map(Cow::into_owned).unwrap_or_default() })
@@ -179,7 +179,7 @@ impl File {
         self.entries.get(key).map_or(Ok(Vec::new()), |text| parse(text))
     }
 
-    fn set(&mut self, key: &str, value: &impl serde::Serialize) -> Result<(), FormatError> {
+    pub(super) fn set(&mut self, key: &str, value: &impl serde::Serialize) -> Result<(), FormatError> {
         self.entries.insert(key.to_owned(), raw(value)?);
         Ok(())
     }
@@ -210,7 +210,7 @@ impl File {
         self.append("accessors", &accessor)
     }
 
-    fn write(mut self) -> Result<Vec<u8>, FormatError> {
+    pub(super) fn write(mut self) -> Result<Vec<u8>, FormatError> {
         let mut buffers: Vec<Entries> = self.list("buffers")?;
         if !self.binary.is_empty() {
             if buffers.is_empty() {

@@ -135,22 +135,27 @@ fn number(chunk: &[u8], kind: Kind, big: bool) -> f64 {
 
 /// Writes a two-dimensional table, double precision, row by row.
 pub fn write_npy(table: &NumberTable) -> Vec<u8> {
-    let mut header =
-        format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}", table.rows, table.columns);
-    // The data start at a multiple of 64 bytes; a line break ends the header.
-    let unpadded = MAGIC.len() + 4 + header.len() + 1;
-    header.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
-    header.push('\n');
-    let mut out = Vec::with_capacity(128 + 8 * table.values.len());
-    out.extend(MAGIC);
-    out.extend([1, 0]);
-    out.extend((header.len() as u16).to_le_bytes());
-    out.extend(header.as_bytes());
+    let mut out = begin("<f8", &format!("({}, {})", table.rows, table.columns), 8 * table.values.len());
     for row in 0..table.rows {
         for value in table.values.iter().skip(row).step_by(table.rows.max(1)) {
             out.extend(value.to_le_bytes());
         }
     }
+    out
+}
+
+/// The bytes before the numbers. `shape`: a tuple as Python writes it.
+pub(super) fn begin(descr: &str, shape: &str, bytes: usize) -> Vec<u8> {
+    let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+    // The data start at a multiple of 64 bytes; a line break ends the header.
+    let unpadded = MAGIC.len() + 4 + header.len() + 1;
+    header.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
+    header.push('\n');
+    let mut out = Vec::with_capacity(128 + bytes);
+    out.extend(MAGIC);
+    out.extend([1, 0]);
+    out.extend((header.len() as u16).to_le_bytes());
+    out.extend(header.as_bytes());
     out
 }
 

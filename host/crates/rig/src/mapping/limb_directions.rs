@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use glam::Vec3;
 
-use crate::recognise::{HumanoidBone, HumanoidPart, Recognition, Side, recognise};
+use crate::recognise::{Finger, HumanoidBone, HumanoidPart, Recognition, Side, recognise};
 use crate::skeleton::Skeleton;
 
 /// A pose in which puppets are zeroed.
@@ -70,16 +70,20 @@ pub(super) fn directions(skeleton: &Skeleton) -> (Vec<(usize, Vec3)>, Option<Vec
 
 /// Where the bone of a limb ends: where the next one begins, whatever lies between.
 pub(super) fn limb_end(recognition: &Recognition, heads: &[(Vec3, Vec3)], index: usize, bone: HumanoidBone) -> Vec3 {
-    let next = match bone.part {
+    let found = next_part(bone.part).and_then(|part| recognition.find(HumanoidBone { part, ..bone }));
+    found.map_or(heads[index].1, |next| heads[next].0)
+}
+
+/// The part of a limb that comes next.
+pub(crate) fn next_part(part: HumanoidPart) -> Option<HumanoidPart> {
+    match part {
         HumanoidPart::UpperArm => Some(HumanoidPart::LowerArm),
         HumanoidPart::LowerArm => Some(HumanoidPart::Hand),
         HumanoidPart::UpperLeg => Some(HumanoidPart::LowerLeg),
         HumanoidPart::LowerLeg => Some(HumanoidPart::Foot),
-        HumanoidPart::Hand => Some(HumanoidPart::Finger(crate::recognise::Finger::Middle, 1)),
+        HumanoidPart::Hand => Some(HumanoidPart::Finger(Finger::Middle, 1)),
         _ => None,
-    };
-    let found = next.and_then(|part| recognition.find(HumanoidBone { part, ..bone }));
-    found.map_or(heads[index].1, |next| heads[next].0)
+    }
 }
 
 /// From the hips to the arms.

@@ -72,12 +72,49 @@ pub fn match_rest(tree: &JointTree, mapping: &Mapping, skeleton: &Skeleton, hint
         let end = next.next().map_or_else(|| heads[bone].1, |next| heads[next].0);
         wanted[bone] = Limb::new(end - heads[bone].0, direction);
     }
-    match_to(skeleton, hints.trunk, &wanted)
+    match_to(skeleton, hints.trunk, &wanted, LEAST_REST_TURN)
 }
 
 /// [`match_rest`] for a puppet of which only the pose is known in which it is zeroed: what the character's bones are is
 /// taken from the skeleton itself ([`recognise`]). `driven`: which of them a joint drives.
 pub fn match_rest_pose(pose: RestPose, skeleton: &Skeleton, driven: &dyn Fn(usize) -> bool) -> RestMatch {
+    match_pose(pose, skeleton, driven, LEAST_REST_TURN)
+}
+
+/// The skeleton with its arms and legs brought to a pose, however small the difference is: another rest pose for the same
+/// bones. What cannot be recognised is named in the error.
+///
+/// ```
+/// use armature_rig::{Bone, RestPose, Skeleton, Transform, rest_in};
+/// use glam::Vec3;
+///
+/// let bone = |name: &str, parent, at: [f32; 3], tail: [f32; 3]| Bone {
+///     name: name.into(),
+///     parent,
+///     rest: Transform { translation: at.into(), ..Transform::IDENTITY },
+///     tail: tail.into(),
+/// };
+/// // An arm that hangs a little away from the body.
+/// let down = [0.1, -0.3, 0.0];
+/// let hanging = Skeleton::new(vec![
+///     bone("spine", None, [0.0, 1.0, 0.0], [0.0, 0.5, 0.0]),
+///     bone("upper_arm_l", Some(0), [0.2, 0.4, 0.0], down),
+///     bone("forearm_l", Some(1), down, down),
+///     bone("hand_l", Some(2), down, [0.0, -0.1, 0.0]),
+/// ])?;
+/// let held_out = rest_in(RestPose::T, &hanging)?.rest_segments();
+/// assert!((held_out[3].0 - held_out[1].0).normalize().distance(Vec3::X) < 1e-4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn rest_in(pose: RestPose, skeleton: &Skeleton) -> Result<Skeleton, String> {
+    let found = match_pose(pose, skeleton, &|_| true, 0.0);
+    if let Some(note) = found.note {
+        return Err(note);
+    }
+    Mapping { rest: found.turns, ..Mapping::default() }.rested(skeleton).map_err(|error| error.to_string())
+}
+
+fn match_pose(pose: RestPose, skeleton: &Skeleton, driven: &dyn Fn(usize) -> bool, least: f64) -> RestMatch {
     let recognition = recognise(skeleton);
     let heads = skeleton.rest_segments();
     let limb = |(index, found): (usize, &Option<crate::recognise::RecognisedBone>)| {
@@ -89,7 +126,7 @@ pub fn match_rest_pose(pose: RestPose, skeleton: &Skeleton, driven: &dyn Fn(usiz
         let note = "no arm or leg of the character was recognised".to_owned();
         return RestMatch { turns: Vec::new(), note: Some(note) };
     }
-    match_to(skeleton, Some(Vec3::Y), &wanted)
+    match_to(skeleton, Some(Vec3::Y), &wanted, least)
 }
 
 /// Where a limb points and where it should.
@@ -110,7 +147,8 @@ fn is_below(tree: &JointTree, part: usize, above: usize) -> bool {
     std::iter::successors(tree.parts()[part].parent, |&parent| tree.parts()[parent].parent).any(|own| own == above)
 }
 
-fn match_to(skeleton: &Skeleton, puppet_trunk: Option<Vec3>, wanted: &[Option<Limb>]) -> RestMatch {
+/// `least`: limbs that differ by fewer degrees are left as they are.
+fn match_to(skeleton: &Skeleton, puppet_trunk: Option<Vec3>, wanted: &[Option<Limb>], least: f64) -> RestMatch {
     let recognition = recognise(skeleton);
     let own_trunk = match recognition.figure {
         Figure::Quadruped | Figure::Human => trunk(&recognition, &skeleton.rest_segments()),
@@ -128,7 +166,7 @@ fn match_to(skeleton: &Skeleton, puppet_trunk: Option<Vec3>, wanted: &[Option<Li
     for (bone, limb) in skeleton.bones().iter().zip(wanted) {
         let above = bone.parent.map_or(DQuat::IDENTITY, |parent| turned[parent]);
         let vector = limb.map(|limb| shortest_turn(above * limb.own, limb.puppet));
-        let Some(vector) = vector.filter(|vector| vector.length() >= LEAST_REST_TURN) else {
+        let Some(vector) = vector.filter(|vector| vector.length() > 0.0 && vector.length() >= least) else {
             turned.push(above);
             continue;
         };

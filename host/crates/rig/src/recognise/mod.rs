@@ -5,6 +5,7 @@
 //! above an `Arm`); the shape decides where names say nothing.
 
 pub(crate) mod body_plan;
+mod conventions;
 mod figure;
 mod fingers;
 mod humanoid;
@@ -14,6 +15,7 @@ mod trunk;
 pub(crate) mod vocabulary;
 pub(crate) mod words;
 
+pub use conventions::BoneNames;
 pub(crate) use figure::recognise_by;
 pub use figure::{Figure, RecognisedBone, Recognition, recognise};
 pub use humanoid::{Evidence, Finger, HumanoidBone, HumanoidPart, Side};

@@ -9,4 +9,4 @@ mod read;
 mod write;
 
 pub use read::{BvhMotion, read_bvh};
-pub use write::write_bvh;
+pub use write::{BvhSettings, write_bvh, write_bvh_as};

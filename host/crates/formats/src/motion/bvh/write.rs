@@ -11,14 +11,22 @@ use crate::text::names::UniqueNames;
 /// A translation that differs from rest by less than this fraction of the skeleton's size counts as rest.
 const REST_TOLERANCE: f64 = 1e-6;
 
-/// Writes a motion as BVH: the root with six channels, the other joints with three, or every joint with six if any
-/// frame moves a bone away from its rest translation or a bone is scaled. Rotations are in the order Z, X, Y.
-///
-/// BVH has neither rest rotations nor scales. Here joints rest without rotation, at the rest positions of the bones'
-/// heads, and rotate by what takes each bone from its rest to its pose in model space: joint positions and limb
-/// directions are those of the motion at every frame. Joints come depth first, one per bone; blanks and braces in names
-/// become underscores.
-///
+/// How to write BVH.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BvhSettings {
+    /// The order of the channels of rotations: the axes (x = 0), from the one that is turned about last.
+    pub order: [usize; 3],
+    /// What lengths are multiplied by: 100 for centimetres of a character in metres.
+    pub scale: f64,
+}
+
+impl Default for BvhSettings {
+    fn default() -> Self {
+        Self { order: [2, 0, 1], scale: 1.0 }
+    }
+}
+
+/// Writes a motion as BVH with [`BvhSettings::default`]; see [`write_bvh_as`].
 /// ```
 /// use armature_formats::motion::write_bvh;
 /// use armature_rig::{Bone, Motion, Skeleton, Transform};
@@ -32,6 +40,23 @@ const REST_TOLERANCE: f64 = 1e-6;
 /// # Ok::<(), armature_formats::FormatError>(())
 /// ```
 pub fn write_bvh(motion: &Motion) -> Result<String, FormatError> {
+    write_bvh_as(motion, &BvhSettings::default())
+}
+
+/// Writes a motion as BVH: the root with six channels, the other joints with three, or every joint with six if any
+/// frame moves a bone away from its rest translation or a bone is scaled.
+///
+/// BVH has neither rest rotations nor scales. Here joints rest without rotation, at the rest positions of the bones'
+/// heads, and rotate by what takes each bone from its rest to its pose in model space: joint positions and limb
+/// directions are those of the motion at every frame. Joints come depth first, one per bone; blanks and braces in names
+/// become underscores.
+pub fn write_bvh_as(motion: &Motion, settings: &BvhSettings) -> Result<String, FormatError> {
+    let BvhSettings { order: axes, scale } = *settings;
+    let is_order = (0..3).all(|axis| axes.contains(&axis));
+    if !(is_order && scale.is_finite() && scale > 0.0) {
+        let what = format!("{axes:?} is no order of axes, or {scale} no scale");
+        return Err(FormatError::whole("BVH", what, "Name each axis once, and a positive factor"));
+    }
     let skeleton = &motion.skeleton;
     if skeleton.is_empty() {
         return Err(FormatError::whole("BVH", "a skeleton without bones cannot be written", "Export with a skeleton"));
@@ -51,7 +76,8 @@ pub fn write_bvh(motion: &Motion) -> Result<String, FormatError> {
     });
 
     let mut out = String::from("HIERARCHY\n");
-    let order = write_hierarchy(&mut out, skeleton, &rest, &offsets, all_move);
+    let hierarchy = Hierarchy { skeleton, rest: &rest, offsets: &offsets, all_move, settings };
+    let order = write_hierarchy(&mut out, &hierarchy);
     let _ = writeln!(out, "MOTION\nFrames: {}\nFrame Time: {}", frames.len(), motion.frame_seconds);
     let mut previous = vec![[0.0; 3]; skeleton.len()];
     for joints in &frames {
@@ -61,12 +87,12 @@ pub fn write_bvh(motion: &Motion) -> Result<String, FormatError> {
                 out.push(' ');
             }
             if all_move || skeleton.bones()[bone].parent.is_none() {
-                let [x, y, z] = joint.position.to_array().map(Length);
+                let [x, y, z] = (scale * joint.position).to_array().map(Length);
                 let _ = write!(out, "{x} {y} {z} ");
             }
-            previous[bone] = nearest_angles(joint.rotation, previous[bone]);
-            let [z, x, y] = previous[bone].map(Angle);
-            let _ = write!(out, "{z} {x} {y}");
+            previous[bone] = nearest_angles(joint.rotation, axes, previous[bone]);
+            let [a, b, c] = previous[bone].map(Angle);
+            let _ = write!(out, "{a} {b} {c}");
         }
         out.push('\n');
     }
@@ -147,36 +173,43 @@ fn extent(points: &[DVec3]) -> f64 {
     (high - low).length()
 }
 
-/// Angles about Z, X, Y with Rz·Rx·Ry = `r`: of the two solutions and their full turns, the one nearest to the last
+/// Angles about three axes with R₁·R₂·R₃ = `r`: of the two solutions and their full turns, the one nearest to the last
 /// frame's, so that curves do not jump.
-fn nearest_angles(r: DMat3, last: [f64; 3]) -> [f64; 3] {
+fn nearest_angles(r: DMat3, [i, j, k]: [usize; 3], last: [f64; 3]) -> [f64; 3] {
     use std::f64::consts::PI;
-    // r(row, column): the middle axis X gives r(2,1) = sin x.
-    let (sin_x, cos_x) = (r.y_axis.z, r.y_axis.x.hypot(r.y_axis.y));
-    let x = libm::atan2(sin_x, cos_x);
-    let (z, y) = if cos_x > 1e-9 {
-        (libm::atan2(-r.y_axis.x, r.y_axis.y), libm::atan2(-r.x_axis.z, r.z_axis.z))
+    // Orders that are no rotation of X, Y, Z are their mirror images, in which angles change their signs.
+    let sign = if (i + 1) % 3 == j { 1.0 } else { -1.0 };
+    let at = |row: usize, column: usize| r.col(column)[row];
+    let (sin, cos) = (sign * at(i, k), at(j, k).hypot(at(k, k)));
+    let second = libm::atan2(sin, cos);
+    let (first, third) = if cos > 1e-9 {
+        (libm::atan2(-sign * at(j, k), at(k, k)), libm::atan2(-sign * at(i, j), at(i, i)))
     } else {
-        // Only the sum (or difference) of the outer angles is determined: keep the last frame's Y.
-        let sum = libm::atan2(r.x_axis.y, r.x_axis.x);
-        (if sin_x > 0.0 { sum - last[2] } else { sum + last[2] }, last[2])
+        // Only the sum (or difference) of the outer angles is determined: keep the last frame's third.
+        let sum = libm::atan2(sign * at(k, j), at(j, j));
+        (sum - sign * sin.signum() * last[2], last[2])
     };
     let near = |angles: [f64; 3]| -> [f64; 3] {
         std::array::from_fn(|k| angles[k] + 2.0 * PI * libm::round((last[k] - angles[k]) / (2.0 * PI)))
     };
     let distance = |angles: &[f64; 3]| -> f64 { (0..3).map(|k| (angles[k] - last[k]).abs()).sum() };
-    let (a, b) = (near([z, x, y]), near([z + PI, PI - x, y + PI]));
+    let (a, b) = (near([first, second, third]), near([first + PI, PI - second, third + PI]));
     if distance(&b) < distance(&a) { b } else { a }
 }
 
-/// Writes all joints depth first and returns the bones in that order.
-fn write_hierarchy(
-    out: &mut String,
-    skeleton: &Skeleton,
-    rest: &[DAffine3],
-    offsets: &[DVec3],
+/// The joints, and how they are written.
+struct Hierarchy<'a> {
+    skeleton: &'a Skeleton,
+    rest: &'a [DAffine3],
+    offsets: &'a [DVec3],
     all_move: bool,
-) -> Vec<usize> {
+    settings: &'a BvhSettings,
+}
+
+/// Writes all joints depth first and returns the bones in that order.
+fn write_hierarchy(out: &mut String, hierarchy: &Hierarchy) -> Vec<usize> {
+    let Hierarchy { skeleton, rest, offsets, all_move, settings } = *hierarchy;
+    let turns = settings.order.map(|axis| format!("{}rotation", ["X", "Y", "Z"][axis])).join(" ");
     let mut children = vec![Vec::new(); skeleton.len()];
     let mut roots = Vec::new();
     for (index, bone) in skeleton.bones().iter().enumerate() {
@@ -197,16 +230,13 @@ fn write_hierarchy(
         let root = open.len() == 1;
         let kind = if root { "ROOT" } else { "JOINT" };
         let name = names.give(&plain_name(&skeleton.bones()[bone].name), &format!("bone_{}", bone + 1));
-        let [x, y, z] = offsets[bone].to_array().map(Length);
-        let channels = if root || all_move {
-            "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
-        } else {
-            "3 Zrotation Xrotation Yrotation"
-        };
+        let [x, y, z] = (settings.scale * offsets[bone]).to_array().map(Length);
+        let channels =
+            if root || all_move { format!("6 Xposition Yposition Zposition {turns}") } else { format!("3 {turns}") };
         let _ = writeln!(out, "{tabs}{kind} {name}\n{tabs}{{\n{tabs}\tOFFSET {x} {y} {z}\n{tabs}\tCHANNELS {channels}");
         if children[bone].is_empty() {
             let tail = rest[bone].transform_vector3(skeleton.bones()[bone].tail.as_dvec3());
-            let [x, y, z] = tail.to_array().map(Length);
+            let [x, y, z] = (settings.scale * tail).to_array().map(Length);
             let _ = writeln!(out, "{tabs}\tEnd Site\n{tabs}\t{{\n{tabs}\t\tOFFSET {x} {y} {z}\n{tabs}\t}}");
         }
         order.push(bone);
@@ -217,4 +247,27 @@ fn write_hierarchy(
 
 fn plain_name(name: &str) -> String {
     name.chars().map(|c| if c.is_whitespace() || c.is_control() || c == '{' || c == '}' { '_' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_of_every_order_give_the_turn_back() {
+        let about = |axis: usize, angle: f64| DMat3::from_axis_angle(DVec3::AXES[axis], angle);
+        for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            for step in 0..60 {
+                let quarter = std::f64::consts::FRAC_PI_2;
+                // Every tenth is at a pole.
+                let second =
+                    if step % 10 == 0 { quarter * f64::from(step / 10 % 2 * 2 - 1) } else { 0.4 * f64::from(step) };
+                let given = [0.7 * f64::from(step), second, -1.1 * f64::from(step)];
+                let turn = |angles: [f64; 3]| (0..3).fold(DMat3::IDENTITY, |all, k| all * about(order[k], angles[k]));
+                let found = nearest_angles(turn(given), order, [0.3, -0.2, 0.5]);
+                let off = turn(found) - turn(given);
+                assert!(off.to_cols_array().iter().all(|c| c.abs() < 1e-7), "{order:?} {given:?} gives {found:?}");
+            }
+        }
+    }
 }
