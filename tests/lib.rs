@@ -8,6 +8,7 @@ use std::time::Duration;
 use armature::characters::LoadedCharacter;
 use armature::characters::ground::GroundArgs;
 use armature::characters::inverse_kinematics::{IkArgs, IkMode};
+use armature::characters::targets::TargetArgs;
 use armature::engine::command::RunPlan;
 use armature::engine::drive::drive_run;
 use armature::engine::input::{Input, LineNews, Request};
@@ -93,6 +94,8 @@ pub struct Setup {
     pub ik: IkArgs,
     /// How the roots follow the feet.
     pub ground: GroundArgs,
+    /// What is dragged, and when.
+    pub targets: TargetArgs,
     /// What is done to readings.
     pub filter: Filter,
     /// Which joint drives which bone; `None`: as is proposed.
@@ -110,6 +113,7 @@ impl Setup {
             header: Header::default(),
             ik: IkArgs { ik: IkMode::Off, ..IkArgs::default() },
             ground: GroundArgs::default(),
+            targets: TargetArgs::default(),
             filter: Filter::None,
             mapping: None,
             puppet_rest: PuppetRest::default(),
@@ -143,6 +147,7 @@ pub fn perform_from(source: VirtualSource, character: &Arc<LoadedCharacter>, set
         puppet_rest: setup.puppet_rest,
         ik: setup.ik.clone(),
         ground: setup.ground.clone(),
+        targets: setup.targets.clone(),
         draws: false,
         ..EngineSettings::default()
     });

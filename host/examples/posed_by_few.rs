@@ -103,7 +103,7 @@ fn held_at(character: &Character, point: Vec3) -> (Anchor, Vec3) {
     let place = |v: &[f64; 3]| Vec3::from_array(v.map(|c| c as f32));
     let vertices = character.surface.mesh.vertices.iter().map(place).enumerate();
     let (vertex, at) = vertices.min_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point))).unwrap_or_default();
-    (Anchor { vertices: [vertex as u32; 3], barycentric: [1.0, 0.0, 0.0] }, at)
+    (Anchor::on_shape([vertex as u32; 3], [1.0, 0.0, 0.0]), at)
 }
 
 /// Leads points of the skin from where they are to `targets`, and draws where everything else went.
@@ -112,7 +112,7 @@ fn lead(character: &Character, pulls: &[(Vec3, Vec3)], view: &View, picture: &Pa
     let mut arap = reduce(character)?;
     let prepared = began.elapsed();
     let held: Vec<(Anchor, Vec3)> = pulls.iter().map(|(from, _)| held_at(character, *from)).collect();
-    let anchors: Vec<Anchor> = held.iter().map(|(anchor, _)| *anchor).collect();
+    let anchors: Vec<Anchor> = held.iter().map(|(anchor, _)| anchor.clone()).collect();
     let began = Instant::now();
     arap.constrain(&vec![HandleConstraint::Free; arap.handle_count()], &anchors)?;
     let switched = began.elapsed();
@@ -218,7 +218,7 @@ fn hundred(armadillo: &Character, picture: &Path) -> Outcome<()> {
     let one = reduce(armadillo)?;
     let ends = leaf_ends(&armadillo.skeleton);
     let held: Vec<(Anchor, Vec3)> = ends.iter().map(|end| held_at(armadillo, *end)).collect();
-    let anchors: Vec<Anchor> = held.iter().map(|(anchor, _)| *anchor).collect();
+    let anchors: Vec<Anchor> = held.iter().map(|(anchor, _)| anchor.clone()).collect();
     let mut crowd = vec![one; CROWD * CROWD];
     for each in &mut crowd {
         each.constrain(&vec![HandleConstraint::Free; each.handle_count()], &anchors)?;

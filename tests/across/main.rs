@@ -15,4 +15,5 @@ mod replay;
 mod rest_pose;
 mod standing;
 mod tapped;
+mod targets;
 mod volumes;

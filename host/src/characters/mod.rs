@@ -7,6 +7,7 @@ pub mod inverse_kinematics;
 mod loaded;
 pub mod rigging;
 pub mod shapes;
+pub mod targets;
 pub mod volumes;
 
 use std::path::{Path, PathBuf};
@@ -170,10 +171,11 @@ impl Given<'_> {
         }
     }
 
-    fn skeleton(self) -> Result<Skeleton, Failure> {
+    /// And what of the file was not used.
+    fn skeleton(self) -> Result<(Skeleton, Vec<String>), Failure> {
         match self {
-            Self::File(path) => inputs::skeleton(path),
-            Self::Fitted(skeleton) => Ok(skeleton.clone()),
+            Self::File(path) => inputs::handles(path),
+            Self::Fitted(skeleton) => Ok((skeleton.clone(), Vec::new())),
         }
     }
 }
@@ -206,9 +208,10 @@ pub fn bind_cached(
     if let Some(character) = cached.as_deref().filter(|_| use_cache).and_then(read_cached) {
         return Ok(Bound { character, from_cache: true });
     }
-    let given = skeleton.map(Given::skeleton).transpose()?;
-    let character =
+    let (given, unused) = skeleton.map(Given::skeleton).transpose()?.unzip();
+    let mut character =
         armature_character::bind::bind(model, given, settings, progress).map_err(|e| bind_failure(mesh, &e))?;
+    character.warnings.extend(unused.unwrap_or_default());
     keep(cached.as_deref(), &character);
     Ok(Bound { character, from_cache: false })
 }

@@ -10,6 +10,7 @@ use crate::characters::dynamics::DynamicsArgs;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::characters::shapes::ShapeArgs;
+use crate::characters::targets::TargetArgs;
 use crate::engine::puppet_rest::PuppetRest;
 use crate::engine::sources::simulated::SimulatedArgs;
 use crate::files::Overwrite;
@@ -183,6 +184,9 @@ pub struct RunArgs {
     /// Blend shapes.
     #[command(flatten)]
     pub shapes: ShapeArgs,
+    /// Dragging.
+    #[command(flatten)]
+    pub targets: TargetArgs,
     /// Other programs that get the poses.
     #[command(flatten)]
     pub streams: StreamArgs,

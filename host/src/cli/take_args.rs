@@ -183,9 +183,13 @@ pub struct ExportArgs {
     /// The samples are solved again like this; without it, as the take was recorded.
     #[command(flatten)]
     pub ground: GroundArgs,
-    /// The character whose mesh is exported in a GLB, FBX or USD; without it, the one the take was recorded with
+    /// The character whose mesh is exported in a GLB, FBX or USD; without it, the one the take was recorded with. One with another
+    /// skeleton performs the take anew: its samples are solved again, with a mapping that is proposed or given
     #[arg(short, long)]
     pub character: Option<String>,
+    /// Which joint drives which bone (TOML): the samples are solved again with it
+    #[arg(long, value_name = "TOML")]
+    pub mapping: Option<PathBuf>,
     /// Shapes of the character.
     #[command(flatten)]
     pub shapes: ShapeArgs,

@@ -1,17 +1,19 @@
 //! `armature export`
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use armature_formats::motion::{BvhSettings, KeyInterpolation};
 use armature_take::{Dress, KeySettings, Take, Timecode};
 
 use crate::characters::{self, Found};
 use crate::cli::take_args::{ExportArgs, LengthUnit, RotationOrder};
+use crate::engine::recast::{self, Recast};
 use crate::failure::Failure;
 use crate::takes::exports::{self, Options, Target};
 use crate::takes::{edits, receipt};
 use crate::terminal::{Bar, Talk, aside, out};
-use crate::{files, takes};
+use crate::{files, settings, takes};
 
 /// Writes takes for other programs.
 pub fn export(args: &ExportArgs, talk: Talk) -> Result<(), Failure> {
@@ -88,6 +90,9 @@ fn one(args: &ExportArgs, path: &Path, to: &Path, target: Target, talk: Talk) ->
     } else {
         (takes::read_and_tell(path)?, None)
     };
+    let anew = recast(args, path, &take, &bar)?;
+    let is_anew = anew.is_some();
+    let (take, anew_notes) = anew.unwrap_or((take, Vec::new()));
     let character = if target.holds_mesh() {
         let found = character_of(&take, path, args, &bar).map_err(|failure| {
             let remedy = "name the character the take was recorded with by --character FILE";
@@ -97,7 +102,7 @@ fn one(args: &ExportArgs, path: &Path, to: &Path, target: Target, talk: Talk) ->
     } else {
         None
     };
-    let take = if args.ground.ground.is_some() { on_ground(args, path, &take, &bar)? } else { take };
+    let take = if args.ground.ground.is_some() && !is_anew { on_ground(args, path, &take, &bar)? } else { take };
     let exported = exports::export(&take, edited.as_ref(), character.as_ref(), target, &options, &mut bar.stages())
         .map_err(|f| Failure { what: format!("{}: {}", path.display(), f.what), ..f })?;
     args.overwrite.write(to, &exported.bytes)?;
@@ -113,9 +118,29 @@ fn one(args: &ExportArgs, path: &Path, to: &Path, target: Target, talk: Talk) ->
         if take.samples().next().is_some() {
             out!("receipt: {receipt}");
         }
+        anew_notes.iter().for_each(|note| aside!("note: {note}"));
         exported.notes.iter().for_each(|note| aside!("note: {note}"));
     }
     Ok(())
+}
+
+/// The take performed anew, if its character or mapping is another one: and what of it could not be kept.
+fn recast(args: &ExportArgs, path: &Path, take: &Take, bar: &Bar) -> Result<Option<(Take, Vec<String>)>, Failure> {
+    let has_samples = take.samples().next().is_some();
+    if args.mapping.is_none() && (args.character.is_none() || !has_samples) {
+        return Ok(None);
+    }
+    let found = character_of(take, path, args, bar)?;
+    if args.mapping.is_none() && take.skeleton() == Some(&found.character.skeleton) {
+        return Ok(None);
+    }
+    if edits::is_list(path) {
+        let what = format!("{} is an edit list, and its poses are those of its take's own character", path.display());
+        return Err(Failure::usage(what, "export the take itself for another character or mapping"));
+    }
+    let mapping = args.mapping.as_deref().map(settings::read_mapping).transpose()?;
+    let cast = Recast { character: Arc::new(found.character), mapping, ground: args.ground.clone() };
+    recast::recast(take, &cast, &mut bar.stages()).map(Some)
 }
 
 /// The samples solved again with the roots following the feet as chosen.

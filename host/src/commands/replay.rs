@@ -24,7 +24,7 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
     if args.ground.ground.is_some() {
         return stand(args, &take, talk);
     }
-    let mut completion = match &take.header().inverse_kinematics {
+    let mut completion = match take.inverse_kinematics() {
         Some(_) => takes::completion(&take, &character_of(&take, args, talk)?)?,
         None => None,
     };

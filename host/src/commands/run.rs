@@ -60,6 +60,7 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         ground: args.ground.clone(),
         dynamics: args.dynamics.clone(),
         shapes: args.shapes.shapes.clone(),
+        targets: args.targets.clone(),
         draws: false,
         ..EngineSettings::default()
     });

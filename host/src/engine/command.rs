@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use armature_rig::{CalibrationStep, PartUid};
+use armature_rig::{CalibrationStep, PartUid, Target, TargetPoint};
 use armature_take::{EditList, Header};
 
 use super::playback::Play;
@@ -75,6 +75,22 @@ pub enum Command {
     LoadCharacter(CharacterChoice),
     /// Blend the character towards one of its shapes. Takes do not hold this.
     SetShape(ShapeWeight),
+    /// Drag a point of the character to a place in the world from the next sample on, besides what the puppet does; where it
+    /// has a target already, this one replaces it. A take records it.
+    SetTarget {
+        /// Where to.
+        target: Target,
+        /// Over how long it goes there from where it is, microseconds of the device's clock; 0 for a hand that moves it
+        /// itself.
+        over_micros: u32,
+    },
+    /// Let a point go that was dragged.
+    ReleaseTarget {
+        /// Which.
+        point: TargetPoint,
+        /// Over how long the character goes back, microseconds of the device's clock.
+        over_micros: u32,
+    },
     /// Cancel the work in progress: loading a character, a calibration step, work on takes, a countdown.
     Cancel,
     /// Make one part blink, so that it can be found by hand.

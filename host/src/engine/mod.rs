@@ -20,6 +20,7 @@ pub mod playback;
 mod player;
 pub mod puppet_rest;
 pub mod puppeteer;
+pub mod recast;
 mod run;
 pub mod run_summary;
 mod shaped_skin;

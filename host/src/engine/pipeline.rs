@@ -6,7 +6,7 @@ use std::time::Duration;
 use armature_device::Event;
 use armature_rig::{
     Calibration, CalibrationRun, CalibrationStep, JointTree, Progress, PuppetHints, RawSample, Reading, StepError,
-    StepReport, StepTimes, ZeroReport,
+    StepReport, StepTimes, TargetChange, ZeroReport,
 };
 use armature_take::Header;
 
@@ -79,7 +79,7 @@ impl<W: Write> Pipeline<W> {
                     self.give_up_recording();
                     return Err(failure);
                 }
-                let Step::Posed { zeroed } = step else { return Ok(Outcome::default()) };
+                let Step::Posed { zeroed, .. } = step else { return Ok(Outcome::default()) };
                 let calibrated = self.calibrate(sample.received.as_secs_f64())?;
                 Ok(Outcome { posed: true, zeroed, calibrated, ..Outcome::default() })
             }
@@ -187,6 +187,11 @@ impl<W: Write> Pipeline<W> {
     pub fn set_shape(&mut self, shape: &ShapeWeight) -> Result<(), Failure> {
         self.puppeteer.set_shape(shape)?;
         self.record(|recorder, _| recorder.shape(&shape.name, shape.weight))
+    }
+
+    /// Drags a point of the character, or lets it go.
+    pub fn change_target(&mut self, change: TargetChange) -> Result<(), Failure> {
+        self.puppeteer.change_target(change)
     }
 
     /// The character and its pose.

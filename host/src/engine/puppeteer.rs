@@ -3,6 +3,9 @@
 //! It reads no clock and no port: the [`pipeline`](super::pipeline) hands it the topology and the samples. Same calls,
 //! same poses, same take.
 
+mod dragging;
+mod takes;
+
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -12,9 +15,10 @@ use armature_rig::{
     BoneStatus, Calibration, Dynamics, Ground, JointTree, Mapping, MappingEntry, PartUid, Pose, PoseCompletion,
     PuppetHints, RawSample, SensorCalibration, SensorState, ShapeWeights, SolveError, StreamSolver, ZeroReport,
 };
-use armature_take::InverseKinematicsHeader;
+use armature_take::Record;
 use glam::{Affine3A, Quat};
 
+use self::dragging::Dragging;
 use super::puppet_rest::{PuppetRest, RestMatcher, is_part_of};
 use super::shaped_skin::ShapedSkin;
 use crate::characters::LoadedCharacter;
@@ -50,7 +54,7 @@ enum ZeroWish {
 pub const ENGAGE_MICROS: u32 = 250_000;
 
 /// After this many samples, a sensor without a good reading no longer delays the zeroing of the others.
-const PATIENCE_SAMPLES: u32 = 50;
+pub(super) const PATIENCE_SAMPLES: u32 = 50;
 
 /// Inverse kinematics is made for fewer bones than this; for more, preparing it takes long.
 pub const MANY_BONES: usize = 150;
@@ -61,7 +65,7 @@ pub fn unheard(_: &'static str, _: f64) -> ControlFlow<()> {
 }
 
 /// What a sample led to.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// No topology yet, or a sample of an older topology.
     Ignored,
@@ -69,6 +73,8 @@ pub enum Step {
     Posed {
         /// The rest pose was taken from this sample.
         zeroed: Option<ZeroReport>,
+        /// What changed before this sample besides: targets. A take says so before it.
+        told: Vec<Record>,
     },
 }
 
@@ -97,6 +103,7 @@ pub struct Puppeteer {
     inverse_kinematics: Option<InverseKinematics>,
     /// What its bones prefer, in the user's words.
     preferences: Vec<String>,
+    dragging: Dragging,
     /// How far the worst pin was missed since the take began or the puppet came, mesh units.
     missed: f32,
     /// A take that began without inverse kinematics goes on without.
@@ -119,6 +126,7 @@ impl Puppeteer {
             inverse_kinematics: None,
             preferences: Vec::new(),
             solves_joints_alone: false,
+            dragging: Dragging::default(),
             missed: 0.0,
             character,
             skin,
@@ -373,30 +381,13 @@ impl Puppeteer {
             tracing::warn!("{failure}");
         }
         self.forget_past();
+        self.dragging.forget();
         self.proposed = None;
         self.carried = None;
         self.rest.forget();
         self.mapping_doubts.clear();
         self.zero_wish = ZeroWish::Nothing;
         self.waited_samples = 0;
-    }
-
-    /// A take begins: the past is forgotten, and what the take's header has to say of inverse kinematics is returned.
-    /// Where no bone needs it now, the take does without to its end.
-    pub fn begin_take(&mut self) -> Option<InverseKinematicsHeader> {
-        self.forget_past();
-        let needed = self.inverse_kinematics.as_ref().filter(|ik| ik.is_needed());
-        self.solves_joints_alone = needed.is_none();
-        needed.map(|ik| InverseKinematicsHeader {
-            pins: ik.pins().map(|pin| pin.to_string()).collect(),
-            preferences: self.preferences.clone(),
-            limits: ik.limits().map(|limited| limited.to_string()).collect(),
-        })
-    }
-
-    /// The take has ended.
-    pub fn end_take(&mut self) {
-        self.solves_joints_alone = false;
     }
 
     /// Poses and skins the character by one sample.
@@ -409,6 +400,7 @@ impl Puppeteer {
             return Ok(Step::Ignored);
         }
         let zeroed = self.zero_if_wanted(sample)?;
+        let told = self.drag(sample.device_micros);
         let ik = self.inverse_kinematics.as_mut().filter(|_| !self.solves_joints_alone);
         let pose = match self.solver.solve_completed(sample, ik.map(|ik| ik as &mut dyn PoseCompletion)) {
             Ok(pose) => pose,
@@ -424,7 +416,7 @@ impl Puppeteer {
         pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
         self.skin.blend(&self.character, self.solver.shapes())?;
         self.skin.pose(&self.model_from_bone)?;
-        Ok(Step::Posed { zeroed })
+        Ok(Step::Posed { zeroed, told })
     }
 
     /// Blends the character towards one of its shapes, now and from now on. A joint that drives it sets it again with the

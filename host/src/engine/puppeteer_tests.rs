@@ -34,9 +34,9 @@ fn angle(puppeteer: &Puppeteer) -> f32 {
 fn the_first_good_sample_is_the_rest_pose() {
     let mut puppeteer = puppeteer(ZeroPolicy::WhenUnknown, Calibration::default());
     let early = puppeteer.follow(&sample(9, SensorState::NoData)).unwrap();
-    assert_eq!(early, Step::Posed { zeroed: None });
+    assert_eq!(early, Step::Posed { zeroed: None, told: Vec::new() });
     assert!(puppeteer.waits_for_zero());
-    let Step::Posed { zeroed: Some(report) } = puppeteer.follow(&sample(1000, SensorState::Ok)).unwrap() else {
+    let Step::Posed { zeroed: Some(report), .. } = puppeteer.follow(&sample(1000, SensorState::Ok)).unwrap() else {
         panic!("the first good sample is taken as zero")
     };
     assert_eq!(report.zeroed, 1);

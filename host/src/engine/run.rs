@@ -212,6 +212,7 @@ impl Run {
             joints_bones_driven: (joints, puppeteer.character().skeleton.len(), bones.len()),
             roles: puppeteer.bone_roles().map(RoleCounts::of).filter(|roles| roles.solved > 0),
             missed_pin: Some(puppeteer.missed_pin()).filter(|missed| *missed > PIN_HELD * puppeteer.height()),
+            missed_targets: puppeteer.missed_targets(PIN_HELD * puppeteer.height()),
             poses: self.poses,
             seconds,
             latency: (!on_virtual_clock).then(|| self.latencies.summary()),

@@ -3,6 +3,7 @@
 use std::fmt::{self, Write as _};
 use std::path::PathBuf;
 
+use armature_character::inverse_kinematics::Missed;
 use armature_device::{DeviceInfo, SessionCounters};
 use armature_rig::Filter;
 
@@ -28,6 +29,8 @@ pub struct RunSummary {
     pub roles: Option<RoleCounts>,
     /// How far the worst pin was missed, mesh units, where one was.
     pub missed_pin: Option<f32>,
+    /// The targets that were missed, and by how much at most.
+    pub missed_targets: Vec<Missed>,
     /// Poses after zeroing.
     pub poses: u64,
     /// How long they went on, seconds.
@@ -88,6 +91,15 @@ impl fmt::Display for RunSummary {
         }
         if let Some(roles) = &self.roles {
             writeln!(f, "bones      {roles}")?;
+        }
+        if !self.missed_targets.is_empty() {
+            let each = |missed: &Missed| format!("{} by up to {:.4}", missed.name, missed.distance);
+            let all: Vec<String> = self.missed_targets.iter().map(each).collect();
+            writeln!(
+                f,
+                "targets    missed: {}; they are out of reach, or the puppet turns what would have to move",
+                all.join(", ")
+            )?;
         }
         if let Some(missed) = self.missed_pin {
             writeln!(

@@ -150,11 +150,12 @@ impl<W: Write> TakeRecorder<W> {
         puppeteer: &Puppeteer,
         host_seconds: Option<f64>,
     ) -> Result<(), Failure> {
-        let Step::Posed { zeroed } = step else { return Ok(()) };
+        let Step::Posed { zeroed, told } = step else { return Ok(()) };
         if zeroed.is_some() {
             self.calibration(puppeteer)?;
         }
         let failed = |error| write_failure(&self.name, &error);
+        told.iter().try_for_each(|record| self.writer.record(record)).map_err(failed)?;
         let is_missing = |state: &SensorState| matches!(state, SensorState::NoData | SensorState::Outlier);
         if !self.return_told && sample.states.iter().any(is_missing) {
             self.return_told = true;

@@ -89,8 +89,7 @@ pub fn skeleton(path: &Path) -> Result<Skeleton, Failure> {
             let file = path.display().to_string();
             let graph = armature_formats::skeleton::read_tgf(&files::read(path)?).map_err(|e| e.in_file(&file))?;
             let made = armature_formats::skeleton::skeleton_from_graph(&graph, None);
-            made.map(|s| s.skeleton)
-                .map_err(|e| Failure::input(format!("{file}: {e}"), "correct the edges below the '#'"))
+            made.map(|made| made.skeleton).map_err(|e| wrong_edges(&file, &e))
         }
         "bvh" => {
             let read = motion(path)?;
@@ -107,6 +106,32 @@ pub fn skeleton(path: &Path) -> Result<Skeleton, Failure> {
             "skeletons are read from .tgf, .bvh, .fbx, .glb and .gltf",
         )),
     }
+}
+
+fn wrong_edges(file: &str, error: &armature_formats::skeleton::GraphError) -> Failure {
+    Failure::input(format!("{file}: {error}"), "correct the edges below the '#'")
+}
+
+/// Reads everything that a mesh can be bound to: a [`skeleton`], of a TGF with its points too; and what else is in the file and
+/// not used, in sentences.
+pub fn handles(path: &Path) -> Result<(Skeleton, Vec<String>), Failure> {
+    if files::extension_of(path) != "tgf" {
+        return Ok((skeleton(path)?, Vec::new()));
+    }
+    let file = path.display().to_string();
+    let graph = armature_formats::skeleton::read_tgf(&files::read(path)?).map_err(|e| e.in_file(&file))?;
+    let mut unused = Vec::new();
+    for (count, what) in [
+        (graph.cage_edges.len(), "edges of a cage were not used: its points move on their own"),
+        (graph.pseudo_edges.len(), "pseudo-edges were not used: points keep their orientation unless they are turned"),
+        (graph.unread_lines, "lines after the second # were not used: faces of cages are not read"),
+    ] {
+        if count > 0 {
+            unused.push(format!("{file}: {count} {what}"));
+        }
+    }
+    let made = armature_formats::skeleton::skeleton_from_graph(&graph, None).and_then(|made| made.with_points(&graph));
+    Ok((made.map_err(|e| wrong_edges(&file, &e))?, unused))
 }
 
 fn log(path: &Path, warnings: &[String]) {

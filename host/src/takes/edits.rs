@@ -55,7 +55,7 @@ pub fn apply(
         let what = format!("{}: its take {:?}: {why}", path.display(), list.take);
         Failure::input(what, TOGETHER)
     })?;
-    let completion = if take.header().inverse_kinematics.is_some() {
+    let completion = if take.inverse_kinematics().is_some() {
         let found = match character {
             Some(source) => characters::find(source, progress)?,
             None => characters::find_for_take(&beside, &take.header().character_name, progress)?,

@@ -42,7 +42,7 @@ pub fn read_and_tell(path: &Path) -> Result<Take, Failure> {
 
 /// What turned bones without a joint while a take was recorded, rebuilt from its character; `None` if nothing did.
 pub fn completion(take: &Take, character: &LoadedCharacter) -> Result<Option<InverseKinematics>, Failure> {
-    let Some(header) = &take.header().inverse_kinematics else { return Ok(None) };
+    let Some(header) = take.inverse_kinematics() else { return Ok(None) };
     if take.header().character_hash != character.content_hash() {
         let what = format!(
             "the take was recorded with inverse kinematics on another {} than this one, so its poses cannot be solved again",

@@ -11,7 +11,7 @@ use armature_character::Character;
 use armature_character::inverse_kinematics::{BoneRole, Comfort, IkError, InverseKinematics, PinnedBone};
 use armature_character::own::human;
 use armature_formats::model::Skin;
-use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, Skeleton};
+use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, PoseMoment, Skeleton};
 use glam::{Affine3A, Quat, Vec3};
 
 static HUMAN: LazyLock<Character> = LazyLock::new(|| human().unwrap());
@@ -84,7 +84,7 @@ fn turn(frame: &Affine3A) -> Quat {
 fn who_does_what_in_a_human_of_eight_joints() {
     let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap();
     let mut pose = HUMAN.skeleton.rest_pose();
-    ik.complete(&status(&HUMAN.skeleton), &mut pose);
+    ik.complete(PoseMoment::default(), &status(&HUMAN.skeleton), &mut pose);
     let role = |name: &str| ik.roles()[HUMAN.skeleton.find(name).unwrap()];
     assert_eq!(role("Hips"), BoneRole::Held);
     for name in ["Spine", "Chest", "Neck", "LeftShoulder", "RightShoulder"] {
@@ -122,7 +122,7 @@ fn a_part_that_was_bound_in_another_pose_is_solved_in_its_rest_pose() {
     let solved = |character: &Character| {
         let mut ik = InverseKinematics::new(character, &pins(&["LeftFoot", "RightFoot"])).unwrap();
         let mut pose = puppet_pose(&HUMAN.skeleton, 0.4);
-        ik.complete(&status(&HUMAN.skeleton), &mut pose);
+        ik.complete(PoseMoment::default(), &status(&HUMAN.skeleton), &mut pose);
         pose
     };
     let (expected, got) = (solved(&HUMAN), solved(&elsewhere));
@@ -141,7 +141,7 @@ fn driven_bones_turn_exactly_and_bones_keep_their_lengths() {
         for step in 0..40 {
             let plain = puppet_pose(skeleton, 0.025 * step as f32);
             let mut pose = plain.clone();
-            ik.complete(&status, &mut pose);
+            ik.complete(PoseMoment::default(), &status, &mut pose);
             let (is, was) = (frames(skeleton, &pose), frames(skeleton, &plain));
             for name in DRIVEN {
                 let bone = skeleton.find(name).unwrap();
@@ -169,7 +169,7 @@ fn a_bone_that_prefers_its_rest_turns_less() {
         ik.prefer(neck, comfort).unwrap();
         ik.restart();
         let mut pose = puppet_pose(skeleton, 1.0);
-        ik.complete(&status(skeleton), &mut pose);
+        ik.complete(PoseMoment::default(), &status(skeleton), &mut pose);
         pose.parent_from_bone[neck].rotation.angle_between(skeleton.bones()[neck].rest.rotation)
     };
     let free = angle(None);
@@ -193,7 +193,7 @@ fn a_restart_forgets_and_a_frame_allocates_nothing() {
         let poses = (0..30).map(|step| {
             pose = puppet_pose(skeleton, 0.03 * step as f32);
             let before = ALLOCATIONS.with(Cell::get);
-            ik.complete(&status, &mut pose);
+            ik.complete(PoseMoment::default(), &status, &mut pose);
             let made = ALLOCATIONS.with(Cell::get) - before;
             assert!(made == 0 || step == 0, "{made} allocations in step {step}");
             pose.clone()
@@ -222,7 +222,7 @@ fn preparing_can_be_cancelled() {
     assert!(ik.drive(&driven, &mut |_, _| ControlFlow::Break(())).is_err());
     assert!(!ik.is_needed() && ik.problem().is_some());
     let mut pose = puppet_pose(&HUMAN.skeleton, 1.0);
-    ik.complete(&status(&HUMAN.skeleton), &mut pose);
+    ik.complete(PoseMoment::default(), &status(&HUMAN.skeleton), &mut pose);
     assert_eq!(pose, puppet_pose(&HUMAN.skeleton, 1.0), "an unsolved pose stays as the joints made it");
 }
 
@@ -236,9 +236,9 @@ fn a_pose_that_is_no_number_spoils_no_later_one() {
         let mut pose = good.clone();
         let arm = skeleton.find("LeftUpperArm").unwrap();
         pose.parent_from_bone[arm].rotation = Quat::from_xyzw(broken, 0.0, 0.0, 1.0);
-        ik.complete(&status, &mut pose);
+        ik.complete(PoseMoment::default(), &status, &mut pose);
         let mut pose = good.clone();
-        ik.complete(&status, &mut pose);
+        ik.complete(PoseMoment::default(), &status, &mut pose);
         assert!(pose.parent_from_bone.iter().all(|t| t.is_finite() && t.rotation.is_normalized()), "after {broken}");
     }
 }

@@ -112,10 +112,10 @@ fn rigid_motions_of_all_constraints_move_the_result_rigidly() {
     let dice = &mut Dice(6);
     let bar = five_handles();
     let mut arap = precompute(&bar.shape());
-    let anchor = Anchor { vertices: [40, 41, 42], barycentric: [0.2, 0.3, 0.5] };
+    let anchor = Anchor::on_shape([40, 41, 42], [0.2, 0.3, 0.5]);
     let stop = ArapStop { iterations: 5000, tolerance: 2e-7 };
     for kinds in [[Position, Free, Position, Free, Position], [Full, Free, Orientation, Free, Position]] {
-        arap.constrain(&kinds, &[anchor]).unwrap();
+        arap.constrain(&kinds, std::slice::from_ref(&anchor)).unwrap();
         let targets: Vec<Affine3A> = (0..5)
             .map(|_| Affine3A::from_rotation_translation(Quat::from_rotation_x(dice.roll() as f32), vector(dice)))
             .collect();
@@ -142,7 +142,7 @@ fn constraints_hold_and_joints_stay_together() {
     let bar = five_handles();
     let mut arap = precompute(&bar.shape());
     let kinds = [Full, Orientation, Free, Orientation, Position];
-    let anchor = Anchor { vertices: [70, 71, 72], barycentric: [0.5, 0.25, 0.25] };
+    let anchor = Anchor::on_shape([70, 71, 72], [0.5, 0.25, 0.25]);
     arap.constrain(&kinds, &[anchor]).unwrap();
     for _ in 0..20 {
         let targets: Vec<Affine3A> =
@@ -385,7 +385,7 @@ fn hostile_targets_and_shapes_are_survived() {
     let report = arap.solve(&targets, &[], ArapStop::default()).unwrap();
     assert!(report.warnings.contradiction.is_some_and(|d| (d - 7.0).abs() < 1e-3), "{report:?}");
     // One point in two places.
-    arap.constrain(&[Free; 5], &[Anchor { vertices: [3; 3], barycentric: [1.0, 0.0, 0.0] }; 2]).unwrap();
+    arap.constrain(&[Free; 5], &vec![Anchor::on_shape([3; 3], [1.0, 0.0, 0.0]); 2]).unwrap();
     let report = arap.solve(&targets, &[Vec3::ZERO, Vec3::X], ArapStop::default()).unwrap();
     assert!(report.warnings.contradiction.is_some_and(|d| (d - 0.5).abs() < 1e-3), "{report:?}");
     assert!(finite(&arap));
@@ -437,6 +437,6 @@ fn nonsense_is_named() {
     assert_eq!(cancelled.unwrap_err(), ArapError::Cancelled);
     let mut arap = precompute(&bar.shape());
     assert!(matches!(arap.constrain(&[Free; 4], &[]), Err(ArapError::Length { .. })));
-    assert!(arap.constrain(&[Free; 5], &[Anchor { vertices: [0, 1, 5000], barycentric: [0.3; 3] }]).is_err());
+    assert!(arap.constrain(&[Free; 5], &[Anchor::on_shape([0, 1, 5000], [0.3; 3])]).is_err());
     assert!(matches!(arap.solve(&[Affine3A::IDENTITY; 2], &[], ArapStop::default()), Err(ArapError::Length { .. })));
 }

@@ -97,7 +97,7 @@ fn allocations_of_a_hundred_reduced_solves() -> usize {
     };
     let go_on = &mut |_, _| ControlFlow::Continue(());
     let mut arap = ReducedArap::precompute(&shape, &ArapSettings::default(), go_on).unwrap();
-    let anchor = Anchor { vertices: [30, 31, 32], barycentric: [0.25, 0.5, 0.25] };
+    let anchor = Anchor::on_shape([30, 31, 32], [0.25, 0.5, 0.25]);
     arap.constrain(&[HandleConstraint::Full, HandleConstraint::Position], &[anchor]).unwrap();
     let before = OWN.get();
     for step in 0..100 {

@@ -60,15 +60,15 @@ pub use calibration::{
 };
 pub use dynamics::{Dynamics, DynamicsError, SpringBone, SpringBones, SpringChain, SpringCollider};
 pub use filter::{DEFAULT_PATIENCE_SECONDS, Filter, FilterError, OneEuro};
-pub use ground::{Ground, GroundContact, GroundError, GroundMode, GroundPoint};
+pub use ground::{Ground, GroundContact, GroundError, GroundMode, GroundPoint, Standing};
 pub use mapping::{
     DriveAxis, LEAST_REST_TURN, MOST_CURL, Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind,
     RestMatch, RestPose, RestTurn, ShapeDrive, SharedJoint, Sharing, carried, match_rest, match_rest_pose, propose,
     propose_with, rest_in,
 };
 pub use pose::{
-    BoneQuality, BoneStatus, PoseCompletion, PoseSolver, SampleError, ShapeError, ShapeWeights, SolveError,
-    StreamSolver,
+    BoneQuality, BoneStatus, PoseCompletion, PoseMoment, PoseSolver, SampleError, ShapeError, ShapeWeights, SolveError,
+    StreamSolver, Target, TargetChange, TargetError, TargetPoint,
 };
 pub use puppet::{
     JointAxis, JointTree, JointTreeError, Part, PartKind, PartUid, PartUidError, RawSample, SensorState, joint_angles,

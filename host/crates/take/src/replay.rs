@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use armature_rig::{
     Calibration, DynamicsError, Filter, Ground, GroundError, PartSettings, Pose, PoseCompletion, Skeleton, SolveError,
-    StreamSolver, Transform,
+    StreamSolver, TargetError, Transform,
 };
 
 use crate::file::{PackedPose, Record, Sample, ShapeSetting, Take, same_bits};
@@ -32,6 +32,14 @@ pub enum ReplayError {
         record: usize,
         /// What is wrong.
         why: SettingError,
+    },
+    /// A target cannot be followed by this character.
+    #[error("record {record}: {why}; give the character the take was recorded with")]
+    Target {
+        /// Index among the take's records.
+        record: usize,
+        /// What is wrong.
+        why: TargetError,
     },
     /// The callback asked to stop.
     #[error("the replay was cancelled")]
@@ -90,21 +98,16 @@ pub fn replay(
     completion: Completing<'_>,
     each: &mut dyn FnMut(usize, Replayed<'_>) -> ControlFlow<()>,
 ) -> Result<ReplaySummary, ReplayError> {
-    let mut completion = match (&take.header().inverse_kinematics, completion) {
-        (None, _) => None,
-        (Some(_), None) => return Err(ReplayError::NeedsCharacter),
-        (Some(_), Some(completion)) => Some(completion),
-    };
-    if let Some(completion) = &mut completion {
-        completion.restart();
-    }
+    let mut completed = Completed::new(take, completion).ok_or(ReplayError::NeedsCharacter)?;
+    completed.begin(take);
     let mut solver = StreamSolver::new(take.skeleton().ok_or(ReplayError::NoSkeleton)?.clone());
     let mut summary = ReplaySummary::default();
     for (index, record) in take.records().iter().enumerate() {
         settle(&mut solver, record).map_err(|why| ReplayError::Settings { record: index, why })?;
+        completed.hear(record).map_err(|why| ReplayError::Target { record: index, why })?;
         let replayed = match record {
             Record::Sample(sample) => {
-                let pose = solver.solve_completed(&sample.raw, completion.as_deref_mut());
+                let pose = solver.solve_completed(&sample.raw, completed.now());
                 match &pose {
                     Ok(_) => summary.solved += 1,
                     Err(error) => {
@@ -123,6 +126,51 @@ pub fn replay(
     Ok(summary)
 }
 
+/// What poses bones without a joint in a take, from the record on that says so.
+#[derive(Debug)]
+pub(crate) struct Completed<'a, 'b> {
+    completion: Option<&'a mut (dyn PoseCompletion + 'b)>,
+    is_on: bool,
+}
+
+impl<'a, 'b> Completed<'a, 'b> {
+    /// Before its beginning; `None` if the take needs a completion and none is given.
+    pub(crate) fn new(take: &Take, completion: Option<&'a mut (dyn PoseCompletion + 'b)>) -> Option<Self> {
+        let completion = match (take.inverse_kinematics(), completion) {
+            (None, _) => None,
+            (Some(_), completion) => Some(completion?),
+        };
+        Some(Self { completion, is_on: false })
+    }
+
+    /// At the take's beginning.
+    pub(crate) fn begin(&mut self, take: &Take) {
+        if let Some(completion) = &mut self.completion {
+            completion.restart();
+        }
+        self.is_on = take.header().inverse_kinematics.is_some();
+    }
+
+    /// What a record changes for the samples behind it.
+    pub(crate) fn hear(&mut self, record: &Record) -> Result<(), TargetError> {
+        let Some(completion) = &mut self.completion else { return Ok(()) };
+        match record {
+            Record::InverseKinematics(_) => {
+                completion.restart();
+                self.is_on = true;
+                Ok(())
+            }
+            Record::Target(change) => completion.change_target(change),
+            _ => Ok(()),
+        }
+    }
+
+    /// For the next sample.
+    pub(crate) fn now(&mut self) -> Option<&mut (dyn PoseCompletion + 'b)> {
+        if self.is_on { self.completion.as_deref_mut() } else { None }
+    }
+}
+
 /// What a record changes for the samples behind it. An error: its ground or its dynamics do not fit the skeleton.
 pub(crate) fn settle(solver: &mut StreamSolver, record: &Record) -> Result<(), SettingError> {
     match record {
@@ -137,7 +185,12 @@ pub(crate) fn settle(solver: &mut StreamSolver, record: &Record) -> Result<(), S
             // Takes hold finite weights only.
             let _ = solver.set_shape(name, *weight);
         }
-        Record::Skeleton(_) | Record::Sample(_) | Record::Pose(_) | Record::Event(_) => {}
+        Record::Skeleton(_)
+        | Record::Sample(_)
+        | Record::Pose(_)
+        | Record::Event(_)
+        | Record::Target(_)
+        | Record::InverseKinematics(_) => {}
     }
     Ok(())
 }

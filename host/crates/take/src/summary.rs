@@ -144,7 +144,9 @@ pub fn summarize(take: &Take) -> Summary {
             | Record::ReadingsReturn { .. }
             | Record::Ground(_)
             | Record::Shape(_)
-            | Record::Dynamics(_) => {}
+            | Record::Dynamics(_)
+            | Record::Target(_)
+            | Record::InverseKinematics(_) => {}
         }
     }
     summary.duration_seconds = if summary.samples > 0 { last.saturating_sub(first) as f64 * 1e-6 } else { 0.0 };

@@ -10,7 +10,10 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, RawSample, SensorState, Skeleton};
+use armature_rig::{
+    BoneQuality, BoneStatus, Pose, PoseCompletion, PoseMoment, RawSample, SensorState, Skeleton, TargetChange,
+    TargetError,
+};
 use armature_take::{
     Edit, EditError, EditList, Edited, Header, InverseKinematicsHeader, Take, TakeWriter, apply_edits,
 };
@@ -137,10 +140,14 @@ struct FollowsTheHand {
 }
 
 impl PoseCompletion for FollowsTheHand {
-    fn complete(&mut self, status: &[BoneStatus], pose: &mut Pose) {
+    fn complete(&mut self, _: PoseMoment, status: &[BoneStatus], pose: &mut Pose) {
         assert_eq!(status[1].quality, BoneQuality::Unmapped);
         assert!(status[2].quality > BoneQuality::Unmapped);
         pose.parent_from_bone[1].rotation = Quat::IDENTITY.slerp(pose.parent_from_bone[2].rotation, 0.5);
+    }
+
+    fn change_target(&mut self, _: &TargetChange) -> Result<(), TargetError> {
+        Err(TargetError::NotSupported)
     }
 
     fn restart(&mut self) {

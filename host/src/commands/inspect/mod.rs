@@ -6,7 +6,7 @@ mod recognised;
 use std::path::Path;
 
 use armature_character::Character;
-use armature_rig::{GroundMode, Mapping, Motion, PartUid, ShapeDrive, Skeleton};
+use armature_rig::{GroundMode, Mapping, Motion, PartUid, ShapeDrive, Skeleton, TargetChange};
 use armature_take::{ClockFault, Record, Summary, Take};
 use serde_json::{Value, json};
 
@@ -130,7 +130,7 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
     let receipt = armature_take::receipt(&take);
     words.push(format!("receipt: {receipt}"));
     words.extend(stream_faults(&take, &summary));
-    if let Some(ik) = &header.inverse_kinematics {
+    if let Some(ik) = take.inverse_kinematics() {
         words.push(format!("bones without a joint were posed by inverse kinematics, pinned: {}", ik.pins.join(", ")));
         if !ik.preferences.is_empty() {
             words.push(format!("with preferences: {}", ik.preferences.join(", ")));
@@ -139,6 +139,7 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
             words.push(format!("within limits: {}", ik.limits.join(", ")));
         }
     }
+    words.extend(dragged(&take));
     if let Some(ground) = take.ground() {
         let skeleton = take.skeleton().map(Skeleton::bones).unwrap_or_default();
         let contacts: Vec<&str> = ground.contacts.iter().map(|&bone| skeleton[bone].name.as_str()).collect();
@@ -181,12 +182,12 @@ fn inspect_take(path: &Path, damage: &mut Option<Failure>) -> Result<Findings, F
             "at_seconds": joint.at_seconds, "seconds": joint.seconds,
         })).collect::<Vec<_>>(),
         "resyncs": summary.resyncs, "whole": report.is_whole(),
-        "inverse_kinematics_pins": header.inverse_kinematics.as_ref().map(|ik| &ik.pins),
-        "inverse_kinematics_preferences": header.inverse_kinematics.as_ref().map(|ik| &ik.preferences),
+        "inverse_kinematics_pins": take.inverse_kinematics().map(|ik| &ik.pins),
+        "inverse_kinematics_preferences": take.inverse_kinematics().map(|ik| &ik.preferences),
         "ground": take.ground().map(|ground| json!({
             "mode": stands(ground.mode), "floor": ground.floor, "contacts": ground.contacts,
         })),
-        "inverse_kinematics_limits": header.inverse_kinematics.as_ref().map(|ik| &ik.limits),
+        "inverse_kinematics_limits": take.inverse_kinematics().map(|ik| &ik.limits),
         "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "joints": joints,
         "receipt": crate::takes::receipt::to_json(&receipt),
     });
@@ -270,4 +271,19 @@ fn last_tree(take: &Take) -> Option<&armature_rig::JointTree> {
         armature_take::Record::Topology(topology) => Some(&topology.tree),
         _ => None,
     })
+}
+
+/// Which points were dragged.
+fn dragged(take: &Take) -> Option<String> {
+    let skeleton = take.skeleton()?;
+    let mut names: Vec<String> = Vec::new();
+    for record in take.records() {
+        if let Record::Target(change @ TargetChange::Set { .. }) = record {
+            let name = change.point().name(skeleton);
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+    }
+    (!names.is_empty()).then(|| format!("dragged besides the puppet: {}", names.join(", ")))
 }

@@ -17,7 +17,7 @@ mod tests;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use armature_rig::{Calibration, Mapping, PuppetHints, StepTimes};
+use armature_rig::{Calibration, Mapping, PuppetHints, StepTimes, TargetChange};
 
 use self::line::Line;
 use self::taking::Taking;
@@ -36,6 +36,7 @@ use crate::characters::dynamics::DynamicsArgs;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::characters::shapes::ShapeWeight;
+use crate::characters::targets::TargetArgs;
 use crate::failure::Failure;
 use crate::takes::orders::TakeOrder;
 
@@ -66,6 +67,8 @@ pub struct EngineSettings {
     pub dynamics: DynamicsArgs,
     /// Shapes of the character that are set from the start.
     pub shapes: Vec<ShapeWeight>,
+    /// What is dragged, and when.
+    pub targets: TargetArgs,
     /// The durations of calibration steps.
     pub step_times: StepTimes,
     /// Whether frames are drawn.
@@ -84,6 +87,7 @@ impl Default for EngineSettings {
             ground: GroundArgs::default(),
             dynamics: DynamicsArgs::default(),
             shapes: Vec::new(),
+            targets: TargetArgs::default(),
             step_times: StepTimes::default(),
             draws: true,
         }
@@ -230,6 +234,12 @@ impl Engine {
                     self.frame_waits |= self.settings.draws;
                 }
             }
+            Command::SetTarget { target, over_micros } => {
+                self.change_target(TargetChange::Set { target, over_micros })?;
+            }
+            Command::ReleaseTarget { point, over_micros } => {
+                self.change_target(TargetChange::Release { point, over_micros })?;
+            }
             Command::Cancel => self.cancel(shell),
             Command::Blink(uid) => {
                 if let Line::Open(open) = &self.line {
@@ -240,6 +250,11 @@ impl Engine {
             Command::Quit => self.quit(now, shell),
         }
         Ok(())
+    }
+
+    fn change_target(&mut self, change: TargetChange) -> Result<(), Failure> {
+        let none = || Failure::usage("there is no character to drag", "open one first");
+        self.pipeline.as_mut().ok_or_else(none)?.change_target(change)
     }
 
     fn quit(&mut self, now: f64, shell: &mut dyn Shell) {
@@ -342,14 +357,16 @@ impl Engine {
             (None, _) => &self.settings.calibration,
         };
         let hints = if let Line::Open(open) = &self.line { open.hints.clone() } else { PuppetHints::default() };
-        let EngineSettings { mapping, zero_policy, puppet_rest, ik, ground, dynamics, shapes, .. } = &self.settings;
+        let EngineSettings { mapping, zero_policy, puppet_rest, ik, ground, dynamics, shapes, targets, .. } =
+            &self.settings;
         let puppeteer = Puppeteer::new(character.clone(), mapping.clone(), calibration.clone(), *zero_policy)?
             .with_puppet_rest(*puppet_rest)
             .with_hints(hints)
             .with_inverse_kinematics(ik)?
             .with_ground(ground)?
             .with_dynamics(dynamics)?
-            .with_shapes(shapes)?;
+            .with_shapes(shapes)?
+            .with_targets(targets)?;
         shell.tell(EngineEvent::CharacterLoaded(character));
         self.frame_waits = false;
         match &mut self.pipeline {

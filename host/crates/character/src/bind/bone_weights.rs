@@ -1,11 +1,12 @@
 //! The weights of every bone of a skeleton, by either method, made sparse.
 
+use armature_formats::skeleton::POINT_PREFIX;
 use armature_geometry::{Influences, MeshError, TriangleMesh};
 use armature_rig::Skeleton;
 use armature_weights::BoneSegment;
 use armature_weights::finish::{Sparsification, sparsify};
 use armature_weights::heat::{BoneHeat, bone_heat};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::error::BindError;
 use super::misfit::Misfit;
@@ -21,6 +22,8 @@ use crate::progress::Progress;
 const MUCH_DROPPED: f64 = 0.05;
 /// More influences are not proposed: engines take no more.
 const PROPOSED_INFLUENCES: usize = 8;
+/// A point further outside the mesh's box than this share of its diagonal is no handle.
+const POINT_MARGIN: f64 = 0.1;
 /// Most names listed in one sentence.
 const MOST_NAMES: usize = 8;
 
@@ -44,7 +47,7 @@ pub(crate) fn bone_weights(
     settings: &BindSettings,
     progress: Progress<'_>,
 ) -> Result<BoneWeights, BindError> {
-    let bones = LongBones::find(mesh, skeleton, ribs)?;
+    let bones = LongBones::find(mesh, skeleton, ribs, settings.method)?;
     let (mut weights, sparse) = match settings.method {
         BindMethod::BoneHeat => heat_weights(mesh, &bones, settings, progress)?,
         BindMethod::Biharmonic(tier) => smooth_weights(mesh, &bones, tier, None, settings, progress)?,
@@ -64,7 +67,7 @@ pub(crate) fn bone_weights(
     Ok(weights)
 }
 
-/// The bones that have a length, with all their segments.
+/// The bones that have a length, with all their segments, and points: roots without length that carry no other bone and are called so.
 struct LongBones<'a> {
     skeleton: &'a Skeleton,
     /// Zero-based bones, ascending.
@@ -76,7 +79,12 @@ struct LongBones<'a> {
 }
 
 impl<'a> LongBones<'a> {
-    fn find(mesh: &TriangleMesh, skeleton: &'a Skeleton, ribs: &'a [Rib]) -> Result<Self, BindError> {
+    fn find(
+        mesh: &TriangleMesh,
+        skeleton: &'a Skeleton,
+        ribs: &'a [Rib],
+        method: BindMethod,
+    ) -> Result<Self, BindError> {
         let segments = skeleton.rest_segments();
         let is_long = |bone: &usize| skeleton.bones()[*bone].tail.length_squared() > 0.0;
         let long: Vec<usize> = (0..segments.len()).filter(is_long).collect();
@@ -90,13 +98,26 @@ impl<'a> LongBones<'a> {
         let box_of_mesh = mesh.bounds().ok_or(BindError::Mesh(MeshError::Empty))?;
         let outside = Misfit::check(box_of_mesh, &long_segments).map_err(BindError::Misfit)?;
         let mut warnings = Vec::new();
+        // A point away from the mesh, such as a mark on the floor, moves nothing.
+        let (low, high) = (DVec3::from(box_of_mesh.0), DVec3::from(box_of_mesh.1));
+        let margin = POINT_MARGIN * (high - low).length();
+        let is_near = |point: DVec3| point.cmpge(low - margin).all() && point.cmple(high + margin).all();
+        let is_point = |bone: &usize| {
+            let root = &skeleton.bones()[*bone];
+            root.parent.is_none()
+                && root.tail == Vec3::ZERO
+                && root.name.starts_with(POINT_PREFIX)
+                && skeleton.bones().iter().all(|other| other.parent != Some(*bone))
+                && is_near(segments[*bone].0.as_dvec3())
+                && !matches!(method, BindMethod::BoneHeat)
+        };
         if outside > 0 {
             warnings.push(format!("{outside} of {} bones are outside the mesh's bounding box", long.len()));
         }
         // A hub exists to carry other bones; one that carries none was meant to be a bone.
         let carries = |bone: usize| skeleton.bones().iter().any(|other| other.parent == Some(bone));
         let short: Vec<&str> = (0..segments.len())
-            .filter(|bone| !is_long(bone) && !carries(*bone))
+            .filter(|bone| !is_long(bone) && !carries(*bone) && !is_point(bone))
             .map(|bone| skeleton.bones()[bone].name.as_str())
             .collect();
         if !short.is_empty() {
@@ -105,10 +126,12 @@ impl<'a> LongBones<'a> {
             let and_more = if more > 0 { format!(" and {more} more") } else { String::new() };
             warnings.push(format!("these bones have no length, so they move nothing: {named}{and_more}"));
         }
+        let held: Vec<usize> = (0..segments.len()).filter(|bone| is_long(bone) || is_point(bone)).collect();
+        let ends = |&bone: &usize| [segments[bone].0, segments[bone].1].map(|end| end.as_dvec3());
         Ok(Self {
             skeleton,
-            bones: long.iter().map(|&bone| bone as u16).collect(),
-            segments: long_segments.iter().map(|(head, tail)| [head.as_dvec3(), tail.as_dvec3()]).collect(),
+            segments: held.iter().map(ends).collect(),
+            bones: held.into_iter().map(|bone| bone as u16).collect(),
             ribs,
             warnings,
         })
@@ -129,6 +152,10 @@ fn smooth_weights(
     progress: Progress<'_>,
 ) -> Result<(BoneWeights, Sparsification), BindError> {
     let shape = |(&bone, segment): (&u16, &[DVec3; 2])| {
+        if segment[0] == segment[1] {
+            let place = HandlePlace::Point(segment[0].to_array());
+            return HandleShape { name: bones.name(bone).to_owned(), place };
+        }
         let own = bones.ribs.iter().filter(|rib| rib.0 == bone).map(|rib| rib.1);
         let all = [*segment].into_iter().chain(own).map(|ends| ends.map(|p| p.to_array()));
         HandleShape { name: bones.name(bone).to_owned(), place: HandlePlace::Segments(all.collect()) }

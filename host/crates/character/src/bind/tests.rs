@@ -1,13 +1,14 @@
 use std::ops::ControlFlow;
 
 use armature_geometry::{Influences, MeshError, TriangleMesh};
-use armature_rig::{Bone, Transform};
+use armature_rig::{Bone, BoneStatus, PoseCompletion, PoseMoment, Target, TargetPoint, Transform};
 use glam::Vec3;
 
 use super::*;
 use crate::bind::BindMethod;
 use crate::character::WeightsRecord;
 use crate::handle_weights::{BiharmonicTier, DomainKind, WeightsOn};
+use crate::inverse_kinematics::InverseKinematics;
 
 /// A closed tube along y from 0 to `length`, of radius 0.2, with pointed ends.
 fn tube(length: f64) -> TriangleMesh {
@@ -141,6 +142,43 @@ fn odd_bones_are_told_and_the_others_do_their_work() {
         let of = |bone: u16| twice.surface.influences.of_vertex(vertex).find(|i| i.0 == bone).map_or(0.0, |i| i.1);
         assert!((of(1) - of(2)).abs() < 5e-3, "{p:?}: {} and {}", of(1), of(2));
     }
+}
+
+/// A bone below, a point above, as in the thesis' figure 4.9: each holds its own part, and the dragged point pulls it along
+/// while the bone stays.
+#[test]
+fn a_point_is_a_handle_beside_bones_and_can_be_dragged() {
+    let skeleton = |point: [f32; 3]| {
+        Skeleton::new(vec![
+            bone("lower", None, [0.0, 0.2, 0.0], [0.0, 0.8, 0.0]),
+            bone("point_3", None, point, [0.0; 3]),
+        ])
+        .unwrap()
+    };
+    let character = bind_quietly(model(), Some(skeleton([0.0, 1.7, 0.0])), &biharmonic()).unwrap();
+    assert_eq!(character.warnings, Vec::<String>::new());
+    let of = |vertex: usize, bone: u16| {
+        character.surface.influences.of_vertex(vertex).find(|i| i.0 == bone).map_or(0.0, |i| i.1)
+    };
+    for (vertex, p) in character.surface.mesh.vertices.iter().enumerate() {
+        assert!(p[1] > 0.8 || of(vertex, 0) > 0.9, "{p:?}");
+        assert!(p[1] < 1.7 || of(vertex, 1) > 0.9, "{p:?}");
+    }
+    let mut ik = InverseKinematics::new(&character, &[]).unwrap();
+    let to = Vec3::new(0.3, 1.8, 0.1);
+    let target = Target { point: TargetPoint::Head(1), position: Some(to), orientation: None, strength: 1.0 };
+    ik.set_target(target, 0).unwrap();
+    assert!(!ik.holds_root(), "no foot stands on a point");
+    let mut pose = character.skeleton.rest_pose();
+    ik.complete(PoseMoment::default(), &[BoneStatus::default(); 2], &mut pose);
+    assert_eq!(pose.parent_from_bone[0], character.skeleton.bones()[0].rest);
+    assert!(pose.parent_from_bone[1].translation.distance(to) < 1e-5, "{}", pose.parent_from_bone[1].translation);
+    // Far away from the mesh it is a mark, not a handle.
+    let away = bind_quietly(model(), Some(skeleton([5.0, 0.0, 0.0])), &biharmonic()).unwrap();
+    assert!(away.warnings.iter().any(|warning| warning.contains("point_3")), "{:?}", away.warnings);
+    // Bone heat knows only bones, and says so.
+    let hot = bind_quietly(model(), Some(skeleton([0.0, 1.7, 0.0])), &heat()).unwrap();
+    assert!(hot.warnings.iter().any(|warning| warning.contains("point_3")), "{:?}", hot.warnings);
 }
 
 #[test]

@@ -13,29 +13,47 @@ pub enum BoneRole {
     Held,
     /// Inverse kinematics: it is between bones that are driven or held.
     Solved,
+    /// A target says how it is turned.
+    Dragged,
     /// Its parent, which it follows rigidly: nothing driven or held hangs on it.
     Follows,
+}
+
+/// What targets ask of a bone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Dragged {
+    /// Bones above it have to move for it.
+    pub(super) reached: bool,
+    /// Its orientation is given.
+    pub(super) turned: bool,
+}
+
+/// Rigs often start with bones that mark the ground; the pelvis after them is as much a base as they are.
+pub(super) fn bases(skeleton: &Skeleton, driven: &[bool], moves: &[bool]) -> Vec<bool> {
+    let mut base: Vec<bool> = Vec::with_capacity(skeleton.len());
+    for bone in skeleton.bones() {
+        base.push(bone.parent.is_none_or(|p| base[p] && !moves[p] && !driven[p]));
+    }
+    base
 }
 
 /// The role of every bone, in the skeleton's order.
 ///
 /// `driven`: whether a joint turns it; `pins`: what of it is held; `moves`: whether part of the shape follows it. A
-/// bone that moves nothing cannot be solved from the shape and follows its parent.
+/// bone that moves nothing cannot be solved from the shape and follows its parent. `dragged`: what targets ask for; a joint
+/// has the last word.
 pub(super) fn bone_roles(
     skeleton: &Skeleton,
     driven: &[bool],
     pins: &[Option<PinHold>],
     moves: &[bool],
+    dragged: &[Dragged],
 ) -> Vec<BoneRole> {
     let bones = skeleton.bones();
-    let mut base: Vec<bool> = Vec::with_capacity(bones.len());
-    for bone in bones {
-        // Rigs often start with bones that mark the ground; the pelvis after them is as much a base as they are.
-        base.push(bone.parent.is_none_or(|p| base[p] && !moves[p] && !driven[p]));
-    }
+    let base = bases(skeleton, driven, moves);
     let given = |bone: usize| driven[bone] || pins[bone] == Some(PinHold::Fixed) || base[bone];
     // Anything held further down makes the bones above it move.
-    let needs = |bone: usize| given(bone) || pins[bone].is_some();
+    let needs = |bone: usize| given(bone) || pins[bone].is_some() || dragged[bone] != Dragged::default();
     let mut leads = vec![false; bones.len()];
     for bone in (0..bones.len()).rev() {
         if let Some(parent) = bones[bone].parent {
@@ -45,8 +63,9 @@ pub(super) fn bone_roles(
     (0..bones.len())
         .map(|bone| match given(bone) {
             true if driven[bone] => BoneRole::Driven,
+            _ if dragged[bone].turned => BoneRole::Dragged,
             true => BoneRole::Held,
-            false if (leads[bone] || pins[bone].is_some()) && moves[bone] => BoneRole::Solved,
+            false if (leads[bone] || pins[bone].is_some() || dragged[bone].reached) && moves[bone] => BoneRole::Solved,
             false => BoneRole::Follows,
         })
         .collect()
@@ -73,7 +92,7 @@ mod tests {
         let flags = |chosen: &[usize]| (0..9).map(|b| chosen.contains(&b)).collect::<Vec<_>>();
         let moves: Vec<bool> = (0..9).map(|b| b != 0 && b != 6).collect();
         let pins: Vec<Option<PinHold>> = flags(pinned).iter().map(|pinned| pinned.then_some(PinHold::Fixed)).collect();
-        bone_roles(&skeleton, &flags(driven), &pins, &moves)
+        bone_roles(&skeleton, &flags(driven), &pins, &moves, &[Dragged::default(); 9])
     }
 
     #[test]

@@ -9,12 +9,12 @@ const CLOSE: f32 = 1e-6;
 /// Damping, relative to a diagonal of one for each way that a pin can be reached.
 const DAMPING: f32 = 1e-3;
 
-/// A bone held at a place, and the rigid segments that lead to it.
+/// A point held at a place, and the rigid segments that lead to it.
 #[derive(Clone, Debug)]
 pub(super) struct Pin {
-    /// Where its head belongs.
+    /// Where it belongs.
     pub(super) target: Vec3,
-    /// One for each coordinate that is held, zero for others.
+    /// How much each coordinate counts: one for those that are held, zero for others.
     pub(super) weight: Vec3,
     /// The root's slot in the list of roots.
     pub(super) root: usize,
@@ -22,6 +22,14 @@ pub(super) struct Pin {
     pub(super) rest_root: Vec3,
     /// For every rotation on the path from the root: which one, and the segment it turns, at rest.
     pub(super) segments: Vec<(usize, Vec3)>,
+}
+
+impl Pin {
+    /// Where its point is in this pose.
+    pub(super) fn place(&self, turns: &[Quat], shifts: &[Vec3]) -> Vec3 {
+        let start = self.rest_root + shifts[self.root];
+        self.segments.iter().fold(start, |at, (turn, along)| at + turns[*turn] * *along)
+    }
 }
 
 /// All pins of a skeleton, with working storage.
@@ -47,11 +55,17 @@ impl HeldPins {
     }
 
     /// Changes free rotations (`model_from_rest`) and translations of free roots until every pin is at its place or as
-    /// close as possible; returns the largest remaining distance. Allocates nothing.
+    /// close as possible; returns the largest remaining distance. Allocates nothing. `goals`: where each pin belongs now.
     ///
     /// Each step is the shortest one that satisfies the linearised pins, where a rotation counts as the length of its
     /// segment end's path; it is damped, so that a pin out of reach stretches nothing.
-    pub(super) fn hold(&mut self, turns: &mut [Quat], shifts: &mut [Vec3]) -> f32 {
+    pub(super) fn hold(
+        &mut self,
+        goals: impl IntoIterator<Item = Vec3>,
+        turns: &mut [Quat],
+        shifts: &mut [Vec3],
+    ) -> f32 {
+        self.pins.iter_mut().zip(goals).for_each(|(pin, goal)| pin.target = goal);
         let mut worst = self.measure(turns, shifts);
         for _ in 0..STEPS {
             if worst <= CLOSE * self.size || !self.can_move() {
@@ -76,11 +90,7 @@ impl HeldPins {
     fn measure(&mut self, turns: &[Quat], shifts: &[Vec3]) -> f32 {
         let mut worst = 0.0_f32;
         for (pin, error) in self.pins.iter().zip(self.errors.as_chunks_mut::<3>().0) {
-            let at = pin
-                .segments
-                .iter()
-                .fold(pin.rest_root + shifts[pin.root], |at, (turn, along)| at + turns[*turn] * *along);
-            let off = (pin.target - at) * pin.weight;
+            let off = (pin.target - pin.place(turns, shifts)) * pin.weight;
             *error = off.to_array();
             worst = worst.max(off.length());
         }
@@ -204,7 +214,7 @@ mod tests {
         let thigh = Quat::from_rotation_x(-1.0);
         let mut turns = [thigh, Quat::IDENTITY, thigh, Quat::IDENTITY, Quat::IDENTITY];
         let mut shifts = [Vec3::ZERO];
-        let left = pins.hold(&mut turns, &mut shifts);
+        let left = pins.hold([], &mut turns, &mut shifts);
         assert!(left < 1e-5, "{left}");
         assert_eq!((turns[0], turns[4]), (thigh, Quat::IDENTITY), "given rotations stay");
         assert!(shifts[0].y < -0.1 || shifts[0].z < -0.1, "the pelvis follows: {:?}", shifts[0]);
@@ -224,7 +234,7 @@ mod tests {
         let thigh = Quat::from_rotation_x(-1.0);
         let mut turns = [thigh, Quat::IDENTITY, thigh, Quat::IDENTITY, Quat::IDENTITY];
         let mut shifts = [Vec3::ZERO];
-        let left = pins.hold(&mut turns, &mut shifts);
+        let left = pins.hold([], &mut turns, &mut shifts);
         assert!(left < 1e-5, "{left}");
         // Thigh and shin make an isosceles triangle over the ankle.
         let sunk = 0.8 - 2.0 * 0.4 * 1.0_f32.cos();
@@ -236,7 +246,7 @@ mod tests {
         let mut pins = legs(3.0);
         let mut turns = [Quat::IDENTITY; 5];
         let mut shifts = [Vec3::ZERO];
-        let left = pins.hold(&mut turns, &mut shifts);
+        let left = pins.hold([], &mut turns, &mut shifts);
         assert!(left.is_finite() && left > 1.0);
         assert!(turns.iter().all(|t| t.is_normalized()) && shifts[0].is_finite());
     }

@@ -136,13 +136,40 @@ impl HandleLimit {
     /// Bend, lean and roll of a pose, brought within their limits at a slope that never jumps; rest where they are not
     /// finite.
     pub(super) fn eased(&self, turns: &[Quat]) -> [f32; 3] {
-        let joint = self.model_from_joint;
-        let (swing, roll) = swing_and_roll(joint.inverse() * turns[self.above].inverse() * turns[self.own] * joint);
-        let angles = [swing.x, swing.z, roll];
+        let angles = self.coordinates(turns);
         std::array::from_fn(|index| {
             let [least, most] = self.ranges[index];
             if angles[index].is_finite() { ease(angles[index], least, most) } else { 0.0 }
         })
+    }
+
+    /// Turns after which [`eased`](Self::eased) gives the pose that they are in now, where it is within the limits.
+    /// `coordinates`: of that pose.
+    pub(super) fn uneased(&self, coordinates: &[f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|index| {
+            let [least, most] = self.ranges[index];
+            uneased(coordinates[index].clamp(least, most), least, most)
+        })
+    }
+
+    /// Bend, lean and roll of a pose.
+    pub(super) fn coordinates(&self, turns: &[Quat]) -> [f32; 3] {
+        let joint = self.model_from_joint;
+        let (swing, roll) = swing_and_roll(joint.inverse() * turns[self.above].inverse() * turns[self.own] * joint);
+        [swing.x, swing.z, roll]
+    }
+
+    /// The cosine of the least angle between the segments above and below the joint that its bend allows.
+    pub(super) fn straightest(&self, above: Vec3, below: Vec3) -> f32 {
+        const STEPS: u16 = 256;
+        let [least, most] = self.ranges[0];
+        let (above, below) = (above.normalize_or_zero(), below.normalize_or_zero());
+        let joint = self.model_from_joint;
+        let cosine = |step: u16| {
+            let bend = least + (most - least) * f32::from(step) / f32::from(STEPS);
+            above.dot(joint * from_coordinates(&[bend, 0.0, 0.0]) * joint.inverse() * below)
+        };
+        (0..=STEPS).map(cosine).fold(-1.0, f32::max)
     }
 
     /// Turns the bone as its coordinates say.
@@ -186,6 +213,15 @@ fn ease(angle: f32, least: f32, most: f32) -> f32 {
     };
     let low = least + rise(angle - least, EASE.min(-least));
     (most - rise(most - low, EASE.min(most))).max(least)
+}
+
+/// An angle that [`ease`] brings to this one.
+fn uneased(angle: f32, least: f32, most: f32) -> f32 {
+    let fall = |y: f32, width: f32| {
+        if width > 0.0 && y < width { 2.0 * (width * y.max(0.0)).sqrt() - width } else { y }
+    };
+    let low = most - fall(most - angle, EASE.min(most));
+    least + fall(low - least, EASE.min(-least))
 }
 
 /// A rotation as a swing that moves +Y the shortest way (a rotation vector without Y), after a turn about +Y.
@@ -258,6 +294,8 @@ mod tests {
             let eased = ease(angle, -0.1, 0.5);
             assert!((-0.1..=0.5).contains(&eased) && eased >= before, "{angle} {eased}");
             assert!((angle - eased).abs() < 1e-6 || !(-0.06..0.46).contains(&angle), "{angle} {eased}");
+            let again = ease(uneased(eased, -0.1, 0.5), -0.1, 0.5);
+            assert!((again - eased).abs() < 1e-6, "{eased} {again}");
             before = eased;
         }
     }

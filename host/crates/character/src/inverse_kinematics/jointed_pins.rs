@@ -101,7 +101,14 @@ impl JointedPins {
 
     /// Brings all joints within their limits, smoothly, then changes free rotations (`model_from_rest`) and free roots until
     /// every pin is at its place or as near as the limits allow; returns the largest remaining distance. Allocates nothing.
-    pub(super) fn hold(&mut self, turns: &mut [Quat], shifts: &mut [Vec3]) -> f32 {
+    /// `goals`: where each pin belongs now.
+    pub(super) fn hold(
+        &mut self,
+        goals: impl IntoIterator<Item = Vec3>,
+        turns: &mut [Quat],
+        shifts: &mut [Vec3],
+    ) -> f32 {
+        self.pins.iter_mut().zip(goals).for_each(|(pin, goal)| pin.target = goal);
         for (limit, coordinates) in self.limits.iter().zip(&mut self.coordinates) {
             *coordinates = limit.eased(turns);
             limit.place(coordinates, turns);
@@ -140,13 +147,19 @@ impl JointedPins {
         self.measure(turns, shifts).0
     }
 
+    /// Turns from which [`hold`](Self::hold) begins with these: what it brings within the limits smoothly is further away.
+    pub(super) fn unease(&mut self, turns: &mut [Quat]) {
+        for (limit, coordinates) in self.limits.iter().zip(&mut self.coordinates) {
+            *coordinates = limit.uneased(&limit.coordinates(turns));
+        }
+        self.limits.iter().zip(&self.coordinates).for_each(|(limit, coordinates)| limit.place(coordinates, turns));
+    }
+
     /// The largest error and the sum of their squares.
     fn measure(&mut self, turns: &[Quat], shifts: &[Vec3]) -> (f32, f32) {
         let (mut worst, mut squares) = (0.0_f32, 0.0);
         for (pin, error) in self.pins.iter().zip(self.errors.as_chunks_mut::<3>().0) {
-            let start = pin.rest_root + shifts[pin.root];
-            let at = pin.segments.iter().fold(start, |at, (turn, along)| at + turns[*turn] * *along);
-            let off = (pin.target - at) * pin.weight;
+            let off = (pin.target - pin.place(turns, shifts)) * pin.weight;
             *error = off.to_array();
             worst = worst.max(off.length());
             squares += off.length_squared();

@@ -12,7 +12,7 @@ pub(super) struct Layout {
     pub(super) bone_of_handle: Vec<usize>,
     /// Whether forward kinematics determines where the handle's bone is.
     pub(super) placed: Vec<bool>,
-    /// Whether a pin holds the bone's rest orientation although its parent is not held.
+    /// Whether a pin holds the bone's rest orientation although its parent is not held, or a target gives it another.
     pub(super) held_apart: Vec<bool>,
     pub(super) constraints: Vec<HandleConstraint>,
 }
@@ -38,7 +38,8 @@ impl Layout {
             layout.handle_of_bone.push(layout.bone_of_handle.len());
             layout.bone_of_handle.push(bone);
             layout.placed.push(placed);
-            layout.held_apart.push(*role == BoneRole::Held && stays && above.is_some());
+            let is_held_apart = *role == BoneRole::Held && stays && above.is_some();
+            layout.held_apart.push(is_held_apart || *role == BoneRole::Dragged);
             layout.constraints.push(match (solved, placed) {
                 (true, _) if stays => HandleConstraint::Position,
                 (true, _) => HandleConstraint::Free,

@@ -7,6 +7,12 @@
 //! back in place, within what joints allow ([`JointLimit`], [`anatomical_limits`]): a pin that they do not let a bone reach
 //! is missed, and [`InverseKinematics::worst_pin`] says by how much. Everything after that (skinning, takes, exports) uses that pose.
 //!
+//! Points that are dragged ([`InverseKinematics::set_target`]) are constraints of both: positions of the energy (thesis
+//! section 7.3, equation (7.3)), as equations where they are hard and as quadratic penalties where they are soft, and paths
+//! of the rigid bones, whose end the smallest change brings to where it belongs. A soft point goes where the energy lets it.
+//! Near the end of a chain's reach, and of what the bend of its joints allows, the way slows down. When targets come and go,
+//! bones go over from the pose before as differences that fade, ahead of the step that holds pins, so that those stay.
+//!
 //! The human's own puppet turns only head, hands and feet; the bones between are solved:
 //!
 //! ```
@@ -26,6 +32,7 @@
 mod anatomy;
 mod bone_roles;
 mod comfort;
+mod ease;
 mod error;
 mod held_pins;
 mod joint_limit;
@@ -37,6 +44,7 @@ mod rest;
 mod shape;
 mod solved_system;
 mod solver;
+mod targets;
 
 pub use anatomy::anatomical_limits;
 pub use bone_roles::BoneRole;
@@ -46,3 +54,4 @@ pub use joint_limit::{JointLimit, LimitedBone, UnknownLimit};
 pub use pinned_bone::{PinHold, PinnedBone};
 pub use preferred_bone::{PreferredBone, UnknownPreference};
 pub use solver::InverseKinematics;
+pub use targets::Missed;

@@ -4,6 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use armature_deform::arap::{ArapEnergy, ArapSettings, ArapShape, ReducedArap, SharedJoint};
+use armature_rig::TargetError;
+use glam::{DVec3, Vec3};
 
 use super::error::IkError;
 use super::layout::Layout;
@@ -36,6 +38,33 @@ impl Shape {
             self.surface.influences.of_vertex(vertex).for_each(|(bone, w)| weight[usize::from(bone)] += f64::from(w));
         }
         weight
+    }
+
+    /// The bones that move a point of the skin: each with its share, and where the point is at rest as that bone moves it.
+    pub(super) fn bones_of_point(
+        &self,
+        vertices: [u32; 3],
+        barycentric: [f32; 3],
+    ) -> Result<Vec<(usize, f64, Vec3)>, TargetError> {
+        let positions = self.in_rest_pose.as_ref().unwrap_or(&self.surface.mesh.vertices);
+        if vertices.iter().any(|&vertex| vertex as usize >= positions.len()) {
+            return Err(TargetError::NoSuchPoint { vertices: positions.len() });
+        }
+        let mut sums: std::collections::BTreeMap<usize, (f64, DVec3)> = std::collections::BTreeMap::new();
+        for (vertex, share) in vertices.into_iter().map(|vertex| vertex as usize).zip(barycentric) {
+            for (bone, weight) in self.surface.influences.of_vertex(vertex) {
+                let weight = f64::from(weight) * f64::from(share);
+                let sum = sums.entry(usize::from(bone)).or_default();
+                *sum = (sum.0 + weight, sum.1 + weight * DVec3::from(positions[vertex]));
+            }
+        }
+        sums.retain(|_, (weight, _)| weight.abs() > 1e-6);
+        let whole: f64 = sums.values().map(|(weight, _)| weight).sum();
+        if whole.is_nan() || whole <= 1e-6 {
+            return Err(TargetError::NothingMovesIt);
+        }
+        let bone = |(bone, (weight, sum)): (usize, (f64, DVec3))| (bone, weight / whole, (sum / weight).as_vec3());
+        Ok(sums.into_iter().map(bone).collect())
     }
 
     pub(super) fn reduce(

@@ -14,11 +14,35 @@ pub enum HandleConstraint {
     Full,
 }
 
-/// A point of the deformed shape that can be held: a blend of up to three vertices.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A point of the deformed shape that is held, or pulled.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Anchor {
-    /// Zero-based vertices.
-    pub vertices: [u32; 3],
-    /// Their barycentric coordinates.
-    pub barycentric: [f64; 3],
+    /// Which point.
+    pub point: AnchorPoint,
+    /// `None`: it is where its target says. Otherwise a spring pulls it there: `½ s ‖x − target‖²` is added to the energy,
+    /// in units of the whole shape's resistance if it were compressed to a point, for a distance of the shape's size. 0.1
+    /// is weak, 10 strong.
+    pub strength: Option<f64>,
+}
+
+impl Anchor {
+    /// Holds a blend of up to three vertices.
+    pub fn on_shape(vertices: [u32; 3], barycentric: [f64; 3]) -> Self {
+        Self { point: AnchorPoint::OnShape { vertices, barycentric }, strength: None }
+    }
+}
+
+/// What an anchor is fixed to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnchorPoint {
+    /// A blend of up to three vertices of the shape.
+    OnShape {
+        /// Zero-based vertices.
+        vertices: [u32; 3],
+        /// Their barycentric coordinates.
+        barycentric: [f64; 3],
+    },
+    /// A blend of points that each go along with one handle, such as the end of a bone: the zero-based handle, its share
+    /// of the blend, and the point at rest (mesh units).
+    OnHandles(Vec<(usize, f64, [f64; 3])>),
 }

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | a shape, its weights and its handles at rest | [`ArapShape`], [`ArapEnergy`], [`SharedJoint`] |
 //! | reduced once, solved every frame | [`ReducedArap`], [`ArapSettings`] |
-//! | the given part of a pose | [`HandleConstraint`], [`Anchor`] |
+//! | the given part of a pose | [`HandleConstraint`], [`Anchor`], [`AnchorPoint`] |
 //! | what bones prefer | [`SoftJoint`], [`RotationLimit`] |
 //! | momentum and gravity | [`ArapDynamics`] |
 //! | when a solve ends, and how it went | [`ArapStop`], [`ArapReport`], [`ArapOutcome`], [`ArapWarnings`] |
@@ -51,7 +51,7 @@ mod solve;
 mod state;
 mod system;
 
-pub use constraint::{Anchor, HandleConstraint};
+pub use constraint::{Anchor, AnchorPoint, HandleConstraint};
 pub use dynamics::ArapDynamics;
 pub use energy::ArapEnergy;
 pub use error::ArapError;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::clusters::rotation_clusters;
-use super::constraint::Anchor;
+use super::constraint::{Anchor, AnchorPoint};
 use super::energy::EdgeSets;
 use super::error::ArapError;
 use super::rotation_limit::LimitedPair;
@@ -104,9 +104,18 @@ impl Reduction {
 
     pub(super) fn rest_anchor(&self, anchor: &Anchor) -> Vec3 {
         let mut point = [0.0; 3];
-        for (&vertex, weight) in anchor.vertices.iter().zip(anchor.barycentric) {
-            let at = self.rows.positions[vertex as usize];
-            (0..3).for_each(|axis| point[axis] += weight * (at[axis] * self.size + self.centre[axis]));
+        match &anchor.point {
+            AnchorPoint::OnShape { vertices, barycentric } => {
+                for (&vertex, weight) in vertices.iter().zip(barycentric) {
+                    let at = self.rows.positions[vertex as usize];
+                    (0..3).for_each(|axis| point[axis] += weight * (at[axis] * self.size + self.centre[axis]));
+                }
+            }
+            AnchorPoint::OnHandles(parts) => {
+                for (_, weight, at) in parts {
+                    (0..3).for_each(|axis| point[axis] += weight * at[axis]);
+                }
+            }
         }
         Vec3::from_array(point.map(|c| c as f32))
     }
@@ -117,11 +126,21 @@ impl Reduction {
         VISCOSITY * (0..self.stiffness.rows).fold(0.0_f64, |largest, i| largest.max(self.stiffness.at(i, i)))
     }
 
-    /// The equation (one row of `M_eq`) that holds an anchor.
+    /// The row of `M` by which an anchor's point moves; for one that is held, an equation (a row of `M_eq`).
     pub(super) fn anchor_row(&self, anchor: &Anchor) -> Vec<f64> {
         let mut row = vec![0.0; 4 * self.handle_count];
-        for (&vertex, weight) in anchor.vertices.iter().zip(anchor.barycentric) {
-            self.rows.add(vertex as usize, weight, &mut row);
+        match &anchor.point {
+            AnchorPoint::OnShape { vertices, barycentric } => {
+                for (&vertex, weight) in vertices.iter().zip(barycentric) {
+                    self.rows.add(vertex as usize, *weight, &mut row);
+                }
+            }
+            AnchorPoint::OnHandles(parts) => {
+                for (handle, weight, at) in parts {
+                    let four = &mut row[4 * handle..4 * handle + 4];
+                    four.iter_mut().zip(homogeneous(self.normalised(*at))).for_each(|(to, c)| *to += weight * c);
+                }
+            }
         }
         row
     }

@@ -28,7 +28,7 @@ pub struct SharedJoint {
 }
 
 /// Beyond this, squares of differences leave the range that `f32` output can tell from infinity.
-const LARGEST: f64 = 1e30;
+pub(super) const LARGEST: f64 = 1e30;
 
 impl ArapShape<'_> {
     /// What every later step relies on: lengths, indices, and numbers that can be computed with.

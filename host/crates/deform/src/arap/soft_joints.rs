@@ -23,7 +23,8 @@ pub struct SoftJoint {
 }
 
 /// Beyond this, a term overwhelms the shape's own.
-const STRONGEST: f64 = 1e4;
+pub(super) const STRONGEST: f64 = 1e4;
+
 impl Reduction {
     /// The same shape with soft joints; it must not have any yet.
     pub(super) fn with_soft_joints(&self, joints: &[SoftJoint]) -> Result<Self, ArapError> {

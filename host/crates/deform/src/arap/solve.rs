@@ -117,6 +117,10 @@ fn set_known(reduction: &Reduction, system: &System, state: &mut State) {
         };
         (0..3).for_each(|axis| state.right[axis][equation] = value[axis]);
     }
+    for (spring, &anchor) in system.springs.anchors.iter().enumerate() {
+        let at = reduction.normalised(state.anchor_targets[anchor].as_dvec3().to_array());
+        (0..3).for_each(|axis| state.pulled[axis][spring] = if reduction.planar && axis == 2 { 0.0 } else { at[axis] });
+    }
     if reduction.planar {
         // Flat shapes stay in their plane whatever the targets say.
         for &row in &system.known {
@@ -146,6 +150,14 @@ fn set_base(reduction: &Reduction, system: &System, state: &mut State) {
         let pushed = system.force_to_open.as_ref().map(|push| dot_three(push.row(i), slices(&state.force)));
         for axis in 0..3 {
             state.base[axis][row] = fixed[axis] - from_known[axis] + pushed.map_or(0.0, |pushed| pushed[axis]);
+        }
+    }
+    if !system.springs.anchors.is_empty() {
+        let springs = system.springs.anchors.len();
+        for (i, &row) in system.open.iter().enumerate() {
+            let [x, y, z] = &state.pulled;
+            let pulled = dot_three(system.springs.to_open.row(i), [x, y, z].map(|column| &column[..springs]));
+            (0..3).for_each(|axis| state.base[axis][row] += pulled[axis]);
         }
     }
     for axis in 0..3 {
@@ -197,7 +209,7 @@ impl Kernel for Solve<'_> {
         set_base(reduction, system, state);
         let (iterations, change) = steps(reduction, system, state, stop);
         finish(system, state);
-        Solved { iterations, change, energy: energy(reduction, state) }
+        Solved { iterations, change, energy: energy(reduction, system, state) }
     }
 }
 
@@ -313,9 +325,9 @@ fn contradiction(reduction: &Reduction, system: &System, state: &State) -> Optio
     (worst > 0.0).then_some(worst * reduction.size)
 }
 
-/// `½ tr(Tᵀ L̃ T) − tr(R K̃ T)` plus the constant.
+/// `½ tr(Tᵀ L̃ T) − tr(R K̃ T)` plus the constant, and what soft anchors add.
 #[inline(always)]
-fn energy(reduction: &Reduction, state: &State) -> f64 {
+fn energy(reduction: &Reduction, system: &System, state: &State) -> f64 {
     let mut sum = reduction.constant;
     let t = slices(&state.transposed);
     for row in 0..reduction.stiffness.rows {
@@ -329,6 +341,11 @@ fn energy(reduction: &Reduction, state: &State) -> f64 {
         for axis in 0..3 {
             sum -= state.wide[axis][row] * covariance[axis];
         }
+    }
+    for (spring, strength) in system.springs.strengths.iter().enumerate() {
+        let at = dot_three(system.springs.rows.row(spring), t);
+        let miss: f64 = (0..3).map(|axis| (at[axis] - state.pulled[axis][spring]).powi(2)).sum();
+        sum += 0.5 * strength * miss;
     }
     sum * reduction.energy_unit
 }

@@ -20,6 +20,8 @@ pub(super) struct State {
     pub(super) transposed: [Vec<f64>; 3],
     pub(super) base: [Vec<f64>; 3],
     pub(super) right: [Vec<f64>; 3],
+    /// Where soft anchors are pulled to, normalised.
+    pub(super) pulled: [Vec<f64>; 3],
     /// The force on each row of `transposed`, for a shape that moves on its own.
     pub(super) force: [Vec<f64>; 3],
     /// The given rows of `transposed`, side by side.
@@ -51,6 +53,7 @@ impl State {
             transposed: column(rows),
             base: column(rows),
             right: column(0),
+            pulled: column(0),
             force: column(rows),
             given: column(0),
             wide: column(0),
@@ -86,6 +89,8 @@ impl State {
         let equations = system.equation_count().max(self.right[0].len());
         self.right.iter_mut().for_each(|column| column.resize(equations, 0.0));
         self.given.iter_mut().for_each(|column| column.resize(system.known.len(), 0.0));
+        let springs = system.springs.anchors.len().max(self.pulled[0].len());
+        self.pulled.iter_mut().for_each(|column| column.resize(springs, 0.0));
     }
 
     /// Grows to `clusters` rotations; new ones are the identity.

@@ -3,9 +3,11 @@
 
 use std::borrow::Cow;
 
-use super::constraint::{Anchor, HandleConstraint};
+use super::constraint::{Anchor, AnchorPoint, HandleConstraint};
 use super::error::ArapError;
 use super::reduction::{Reduction, homogeneous};
+use super::shape::LARGEST;
+use super::soft_joints::STRONGEST;
 use crate::dense::{Dense, Elimination, PivotedCholesky, dot, eliminate, pivoted_cholesky};
 use crate::lanes::LANES;
 
@@ -49,12 +51,50 @@ pub(super) struct System {
     pub(super) known_to_open: Dense,
     /// open×4m, for shapes that move on their own: what a force on each row of `T` adds.
     pub(super) force_to_open: Option<Dense>,
+    /// Soft anchors.
+    pub(super) springs: Springs,
     /// `Γ`, open×3r.
     pub(super) rotations_to_open: Dense,
     /// `K̃ Γ`, block by block: for each of the 3r columns, the three rows of eight clusters.
     pub(super) panels: Vec<[[f32; LANES]; 3]>,
     /// Motions that nothing determines, in each coordinate.
     pub(super) undetermined: usize,
+}
+
+/// Points that are pulled to their targets, s of them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Springs {
+    /// Their numbers among the anchors.
+    pub(super) anchors: Vec<usize>,
+    /// In the normalised energy.
+    pub(super) strengths: Vec<f64>,
+    /// s×4m: the rows of `M` by which they move.
+    pub(super) rows: Dense,
+    /// open×s: what the place of each target adds.
+    pub(super) to_open: Dense,
+}
+
+impl Springs {
+    fn new(reduction: &Reduction, anchors: &[Anchor]) -> Self {
+        let mut springs = Self { rows: Dense::zeros(0, 4 * reduction.handle_count), ..Self::default() };
+        for (number, anchor) in anchors.iter().enumerate() {
+            let Some(strength) = anchor.strength else { continue };
+            springs.anchors.push(number);
+            springs.strengths.push(strength * reduction.constant.max(f64::MIN_POSITIVE));
+            springs.rows.push_row(&reduction.anchor_row(anchor));
+        }
+        springs
+    }
+
+    fn stiffen(&self, stiffness: &mut Dense) {
+        for (spring, strength) in self.strengths.iter().enumerate() {
+            let row = self.rows.row(spring);
+            for (i, factor) in row.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
+                let to = stiffness.row_mut(i);
+                to.iter_mut().zip(row).for_each(|(to, c)| *to += strength * factor * c);
+            }
+        }
+    }
 }
 
 impl System {
@@ -64,7 +104,7 @@ impl System {
         anchors: &[Anchor],
         resistance: Option<Resistance>,
     ) -> Result<Self, ArapError> {
-        check_anchors(anchors, reduction.rows.vertex_count())?;
+        check_anchors(anchors, reduction)?;
         let rows = 4 * reduction.handle_count;
         let is_known = |row: usize| match constraints[row / 4] {
             HandleConstraint::Full => true,
@@ -82,6 +122,10 @@ impl System {
             stiffness.to_mut().data.iter_mut().zip(inertia).for_each(|(to, mass)| *to += weight * mass);
             stiffness.to_mut().data.iter_mut().step_by(rows + 1).for_each(|to| *to += viscosity);
         }
+        system.springs = Springs::new(reduction, anchors);
+        if !system.springs.anchors.is_empty() {
+            system.springs.stiffen(stiffness.to_mut());
+        }
         let mut factored = system.factor(&stiffness);
         let undecided = factored.factor.null_space().times(&factored.split.open);
         if undecided.rows > 0 {
@@ -90,8 +134,14 @@ impl System {
             factored = system.factor(&stiffness);
         }
         system.collapse(reduction, &stiffness, &factored);
-        if resistance.is_some() {
-            system.force_to_open = Some(system.answer_to_forces(rows, &factored));
+        if resistance.is_some() || !system.springs.anchors.is_empty() {
+            let answer = system.answer_to_forces(rows, &factored);
+            let mut pulls = system.springs.rows.transpose();
+            for row in pulls.data.chunks_exact_mut(system.springs.anchors.len().max(1)) {
+                row.iter_mut().zip(&system.springs.strengths).for_each(|(to, strength)| *to *= strength);
+            }
+            system.springs.to_open = answer.times(&pulls);
+            system.force_to_open = resistance.map(|_| answer);
         }
         Ok(system)
     }
@@ -112,7 +162,7 @@ impl System {
                 self.sources.push(Source::Handle(handle));
             }
         }
-        for (number, anchor) in anchors.iter().enumerate() {
+        for (number, anchor) in anchors.iter().enumerate().filter(|(_, anchor)| anchor.strength.is_none()) {
             self.equations.push_row(&reduction.anchor_row(anchor));
             self.sources.push(Source::Anchor(number));
         }
@@ -216,12 +266,25 @@ fn pack(product: &Dense, cluster_count: usize) -> Vec<[[f32; LANES]; 3]> {
     panels
 }
 
-fn check_anchors(anchors: &[Anchor], vertex_count: usize) -> Result<(), ArapError> {
+fn check_anchors(anchors: &[Anchor], reduction: &Reduction) -> Result<(), ArapError> {
+    let (vertex_count, handle_count) = (reduction.rows.vertex_count(), reduction.handle_count);
     for (index, anchor) in anchors.iter().enumerate() {
-        if let Some(&vertex) = anchor.vertices.iter().find(|v| **v as usize >= vertex_count) {
-            return Err(ArapError::VertexOutOfRange { element: index, vertex, vertex_count });
-        }
-        if !anchor.barycentric.iter().all(|b| b.abs() <= 1e6) {
+        let sound = match &anchor.point {
+            AnchorPoint::OnShape { vertices, barycentric } => {
+                if let Some(&vertex) = vertices.iter().find(|v| **v as usize >= vertex_count) {
+                    return Err(ArapError::VertexOutOfRange { element: index, vertex, vertex_count });
+                }
+                barycentric.iter().all(|b| b.abs() <= 1e6)
+            }
+            AnchorPoint::OnHandles(parts) => {
+                if let Some(&(handle, ..)) = parts.iter().find(|(handle, ..)| *handle >= handle_count) {
+                    return Err(ArapError::HandleOutOfRange { joint: index, handle, handle_count });
+                }
+                parts.iter().all(|(_, weight, at)| weight.abs() <= 1e6 && at.iter().all(|c| c.abs() <= LARGEST))
+            }
+        };
+        let strength = anchor.strength.is_none_or(|strength| (0.0..=STRONGEST).contains(&strength));
+        if !sound || !strength {
             return Err(ArapError::NotFinite { what: "anchor", index });
         }
     }

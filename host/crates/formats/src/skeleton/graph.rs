@@ -107,6 +107,25 @@ pub fn skeleton_from_graph(graph: &TgfGraph, root: Option<usize>) -> Result<Grap
     })
 }
 
+/// How the names of bones begin that stand for points of a graph.
+pub const POINT_PREFIX: &str = "point_";
+
+impl GraphSkeleton {
+    /// With a bone without length for every point that no bone touches, called `point_1`, `point_2`, … by its place in the
+    /// graph: a root of its own, which a character's pose moves apart from the others. Points of cages are among them.
+    pub fn with_points(self, graph: &TgfGraph) -> Result<Skeleton, GraphError> {
+        let mut names = UniqueNames::default();
+        let mut bones: Vec<Bone> = self.skeleton.bones().to_vec();
+        bones.iter().for_each(|bone| _ = names.give(&bone.name, "bone"));
+        for &point in &self.unused_points {
+            let name = names.give(&format!("{POINT_PREFIX}{}", point + 1), "point");
+            let rest = at(DVec3::from(graph.points[point]));
+            bones.push(Bone { name, parent: None, rest, tail: Vec3::ZERO });
+        }
+        Ok(Skeleton::new(bones)?)
+    }
+}
+
 fn edges_of_points(graph: &TgfGraph) -> Result<Vec<Vec<usize>>, GraphError> {
     let mut touching = vec![Vec::new(); graph.points.len()];
     for (edge, ends) in graph.edges.iter().enumerate() {
@@ -207,6 +226,11 @@ mod tests {
         for root in [None, Some(1), Some(4)] {
             let made = skeleton_from_graph(&graph, root).unwrap();
             assert_eq!(made.unused_points, [6]);
+            let all = made.clone().with_points(&graph).unwrap();
+            let point = &all.bones()[made.skeleton.len()];
+            assert_eq!((point.name.as_str(), point.parent, point.tail), ("point_7", None, Vec3::ZERO));
+            assert_eq!(point.rest.translation, DVec3::from(graph.points[6]).as_vec3());
+            assert_eq!(all.bones()[..made.skeleton.len()], *made.skeleton.bones());
             let segments = made.skeleton.rest_segments();
             for (edge, &bone) in made.bone_of_edge.iter().enumerate() {
                 assert_eq!(made.edge_of_bone[bone], Some(edge));

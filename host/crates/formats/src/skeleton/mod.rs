@@ -6,6 +6,6 @@ pub(crate) mod tails;
 mod tgf;
 mod with_clips;
 
-pub use graph::{GraphError, GraphSkeleton, skeleton_from_graph};
+pub use graph::{GraphError, GraphSkeleton, POINT_PREFIX, skeleton_from_graph};
 pub use tgf::{TgfGraph, read_tgf, write_tgf};
 pub use with_clips::SkeletonWithClips;

@@ -17,13 +17,15 @@ pub struct TgfGraph {
     pub edges: Vec<[usize; 2]>,
     /// Edges of a cage, open or closed: pairs as above.
     pub cage_edges: Vec<[usize; 2]>,
+    /// Pseudo-edges between points: how points that move turn each other.
+    pub pseudo_edges: Vec<[usize; 2]>,
     /// Lines after a second `#`, which are not read: libigl's tools write faces of cages there.
     pub unread_lines: usize,
 }
 
 /// Reads `index x y z …` lines, a line `#`, then `from to [bone pseudo cage]` lines. The last three are 1 or 0, as in
 /// libigl's files, and give the type of the edge: a bone (also the default without them); part of a cage; or a
-/// pseudo-edge, which rotates handles when they are moved and is ignored here. Further columns are ignored. An index
+/// pseudo-edge, which rotates handles when they are moved. Further columns are ignored. An index
 /// may be any whole number, as long as no two points share it. The error does not name the file: see
 /// [`FormatError::in_file`].
 ///
@@ -72,7 +74,7 @@ pub fn read_tgf(bytes: &[u8]) -> Result<TgfGraph, FormatError> {
                 let [bone, pseudo, cage] = [(); 3].map(|()| words.next() == Some("1"));
                 match (bone, pseudo, cage) {
                     (false, _, true) => graph.cage_edges.push(ends),
-                    (false, true, false) => {}
+                    (false, true, false) => graph.pseudo_edges.push(ends),
                     _ => graph.edges.push(ends),
                 }
             }
@@ -135,7 +137,7 @@ mod tests {
         let text = "1 0 0 0\n2 1 0 0\n3 2 0 0\n#\n1 2\n2 3 1 0 0\n1 3 0 0 1\n2 1 0 1 0\n3 1 0 0 0\n3 2 1 0 1\n";
         let graph = read_tgf(text.as_bytes()).unwrap();
         assert_eq!(graph.edges, [[0, 1], [1, 2], [2, 0], [2, 1]]);
-        assert_eq!(graph.cage_edges, [[0, 2]]);
+        assert_eq!((graph.cage_edges, graph.pseudo_edges), (vec![[0, 2]], vec![[1, 0]]));
     }
 
     #[test]

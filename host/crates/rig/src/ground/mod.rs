@@ -34,6 +34,8 @@
 
 mod contact;
 mod settings;
+mod standing;
 
 pub use contact::{GROUND_LEFT, GROUND_TOUCHED, GroundContact};
 pub use settings::{Ground, GroundError, GroundMode, GroundPoint};
+pub use standing::Standing;

@@ -9,9 +9,11 @@ mod share;
 mod solver;
 mod status;
 mod stream_solver;
+mod target;
 
-pub use completion::PoseCompletion;
+pub use completion::{PoseCompletion, PoseMoment};
 pub use shape_weights::{ShapeError, ShapeWeights};
 pub use solver::{PoseSolver, SampleError};
 pub use status::{BoneQuality, BoneStatus};
 pub use stream_solver::{SolveError, StreamSolver};
+pub use target::{Target, TargetChange, TargetError, TargetPoint};

@@ -1,12 +1,14 @@
 //! Solving a stream of samples while puppet, calibration and mapping change.
 
-use super::completion::PoseCompletion;
+use glam::Vec3;
+
+use super::completion::{PoseCompletion, PoseMoment};
 use super::shape_weights::{ShapeError, ShapeWeights};
 use super::solver::{PoseSolver, SampleError};
 use super::status::BoneQuality;
 use crate::calibration::Calibration;
 use crate::dynamics::{Dynamics, DynamicsError, SpringBones};
-use crate::ground::{Ground, GroundContact, GroundError};
+use crate::ground::{Ground, GroundContact, GroundError, Standing};
 use crate::mapping::{Mapping, MappingError};
 use crate::puppet::{JointTree, RawSample};
 use crate::skeleton::{Pose, Skeleton};
@@ -35,7 +37,7 @@ pub struct StreamSolver {
     pose: Pose,
     /// The latest pose including the bones that no joint drives; in `pose` itself those are at rest.
     completed: Pose,
-    ground: Option<GroundContact>,
+    standing: Option<Standing>,
     dynamics: Option<SpringBones>,
     shapes: ShapeWeights,
     /// Where the mapping's shapes are among them.
@@ -83,7 +85,7 @@ impl StreamSolver {
             engage_micros: 0,
             return_micros: 0,
             engage_all: false,
-            ground: None,
+            standing: None,
             dynamics: None,
             shapes: ShapeWeights::default(),
             driven_shapes: Vec::new(),
@@ -132,7 +134,7 @@ impl StreamSolver {
     /// From the next sample on, the roots follow the foot on the floor, beginning where the skeleton rests; with `None`
     /// (as at first) they stay where they are.
     pub fn set_ground(&mut self, ground: Option<Ground>) -> Result<(), GroundError> {
-        self.ground = ground.map(|ground| GroundContact::new(&self.skeleton, ground)).transpose()?;
+        self.standing = ground.map(|ground| Standing::new(&self.skeleton, ground)).transpose()?;
         Ok(())
     }
 
@@ -149,7 +151,7 @@ impl StreamSolver {
 
     /// How the roots follow the feet.
     pub fn ground(&self) -> Option<&GroundContact> {
-        self.ground.as_ref()
+        self.standing.as_ref().map(Standing::contact)
     }
 
     /// From now on this shape has this weight; a joint that drives it sets it again with the next sample.
@@ -171,8 +173,8 @@ impl StreamSolver {
         self.stale = true;
         self.engage_all = false;
         self.pose = self.skeleton.rest_pose();
-        if let Some(ground) = &mut self.ground {
-            ground.restart();
+        if let Some(standing) = &mut self.standing {
+            standing.restart();
         }
         if let Some(dynamics) = &mut self.dynamics {
             dynamics.restart();
@@ -215,8 +217,8 @@ impl StreamSolver {
     }
 
     /// The whole pose of the next sample: first the bones that joints drive ([`solve`](Self::solve)), then the others
-    /// by `completion`; without one they stay at rest. Then the roots follow the feet, where [`Self::set_ground`] says so, and last bones
-    /// swing ([`Self::set_dynamics`]). The weights of shapes are there afterwards.
+    /// by `completion`; without one they stay at rest. Then the roots follow the feet, where [`Self::set_ground`] says so and no
+    /// target holds them, and last bones swing ([`Self::set_dynamics`]). The weights of shapes are there afterwards.
     /// Playback, replay and export all pose with this function, so that they cannot diverge.
     pub fn solve_completed(
         &mut self,
@@ -225,11 +227,15 @@ impl StreamSolver {
     ) -> Result<&Pose, SolveError> {
         self.solve(sample)?;
         self.completed.parent_from_bone.clone_from(&self.pose.parent_from_bone);
+        let mut is_held = false;
+        let offset = self.standing.as_ref().map_or(Vec3::ZERO, Standing::offset);
         if let (Some(completion), Some(solver)) = (completion, &self.solver) {
-            completion.complete(solver.bone_status(), &mut self.completed);
+            let moment = PoseMoment { device_micros: sample.device_micros, offset };
+            completion.complete(moment, solver.bone_status(), &mut self.completed);
+            is_held = completion.holds_root();
         }
-        if let Some(ground) = &mut self.ground {
-            ground.follow(sample.device_micros, &self.skeleton, &mut self.completed);
+        if let Some(standing) = &mut self.standing {
+            standing.stand(sample.device_micros, is_held, &self.skeleton, &mut self.completed);
         }
         if let (Some(dynamics), Some(solver)) = (&mut self.dynamics, &self.solver) {
             let status = solver.bone_status();

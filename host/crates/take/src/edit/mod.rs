@@ -13,12 +13,13 @@ mod timing;
 
 use std::ops::ControlFlow;
 
-use armature_rig::{Filter, GroundContact, Pose, PoseCompletion, Skeleton, SpringBones};
+use armature_rig::{Filter, Pose, PoseCompletion, Skeleton, SpringBones, Standing, TargetError};
 
 use self::mirror::Mirror;
 use self::performance::{Performance, chosen, micros};
-use self::solve::{Layer, layer_micros, solve_layers};
+use self::solve::{Layer, Solved, Unsolved, layer_micros, solve_layers};
 use crate::file::{PackedPose, Record, Take};
+use crate::replay::Completed;
 use crate::shapes::ShapeTrack;
 use crate::time::{ResampleError, ResampleSettings, Resampled, Timeline, resample};
 
@@ -57,6 +58,12 @@ pub enum EditError {
         "bones without a joint were posed by inverse kinematics, which needs the character's shape; name it with --character"
     )]
     NeedsCharacter,
+    /// A target of the take cannot be followed by this character.
+    #[error("{why}; give the character the take was recorded with")]
+    Target {
+        /// What is wrong.
+        why: TargetError,
+    },
     /// There is no bone of that name.
     #[error("edit {edit}: the skeleton has no bone {bone:?}; `armature inspect` lists them")]
     NoBone {
@@ -202,25 +209,24 @@ impl Work<'_> {
                 _ => {}
             }
         }
-        let completion = match (&take.header().inverse_kinematics, completion) {
-            (Some(_), None) => return Err(EditError::NeedsCharacter),
-            (None, _) => None,
-            (Some(_), completion) => completion,
-        };
+        let completed = Completed::new(take, completion).ok_or(EditError::NeedsCharacter)?;
         let layers: Vec<Layer<'_>> = overdubs
             .iter()
             .map(|(take, bones, at, from, to, fade)| Layer { take, bones, at: *at, from: *from, to: *to, fade: *fade })
             .collect();
         let mut stage = |done| progress("solving again", done);
-        let mut poses = solve_layers(take, self.skeleton, filter, &layers, completion, &mut stage)
-            .map_err(|_| EditError::Cancelled)?;
+        let solved = solve_layers(take, self.skeleton, filter, &layers, completed, &mut stage);
+        let Solved { mut poses, held } = solved.map_err(|why| match why {
+            Unsolved::Cancelled => EditError::Cancelled,
+            Unsolved::Target(why) => EditError::Target { why },
+        })?;
         if poses.is_empty() {
             // A take of poses alone, such as a motion that was imported.
             let timeline = Timeline::recorded(take);
             let all = (0..).map_while(|index| timeline.as_ref()?.get(index));
             poses = all.map(|(seconds, pose)| (micros(seconds), take.unpack(pose))).collect();
         }
-        stand(take, self.skeleton, &mut poses)?;
+        stand(take, self.skeleton, &mut poses, &held)?;
         swing(take, self.skeleton, &mut poses)?;
         let performance = Performance::of(poses).with_shapes(ShapeTrack::solve(take, filter));
         if performance.poses.is_empty() { Err(EditError::NothingLeft { edit: 0 }) } else { Ok(performance) }
@@ -369,12 +375,14 @@ impl Work<'_> {
 }
 
 /// The roots follow the feet as they did in the take, now that all layers are there.
-fn stand(take: &Take, skeleton: &Skeleton, poses: &mut [(i64, Pose)]) -> Result<(), EditError> {
+/// `held`: for each of the poses, whether a target holds a root.
+fn stand(take: &Take, skeleton: &Skeleton, poses: &mut [(i64, Pose)], held: &[bool]) -> Result<(), EditError> {
     let Some(ground) = take.ground() else { return Ok(()) };
-    let mut contact = GroundContact::new(skeleton, ground.clone()).map_err(|why| bad(0, why.to_string()))?;
+    let mut standing = Standing::new(skeleton, ground.clone()).map_err(|why| bad(0, why.to_string()))?;
     let first = poses.first().map_or(0, |(micros, _)| *micros);
-    for (micros, pose) in poses {
-        contact.follow(micros.saturating_sub(first).max(0).unsigned_abs(), skeleton, pose);
+    for (index, (micros, pose)) in poses.iter_mut().enumerate() {
+        let is_held = held.get(index).is_some_and(|held| *held);
+        standing.stand(micros.saturating_sub(first).max(0).unsigned_abs(), is_held, skeleton, pose);
     }
     Ok(())
 }

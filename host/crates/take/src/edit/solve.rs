@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use armature_rig::{BoneQuality, BoneStatus, Filter, Pose, PoseCompletion, Skeleton, StreamSolver};
+use armature_rig::{BoneQuality, BoneStatus, Filter, Pose, PoseMoment, Skeleton, Standing, StreamSolver, TargetError};
+use glam::Vec3;
 
 use super::performance::{blend, inside, micros};
 use crate::file::{Record, Take};
-use crate::replay::filtered;
+use crate::replay::{Completed, filtered};
 use crate::time::{DeviceClock, between};
 
 /// Bones that another take brings.
@@ -27,9 +28,23 @@ pub(super) struct Layer<'a> {
 /// What the joints of a take say at each sample, before inverse kinematics.
 type Driven = Vec<(i64, Pose, Vec<BoneStatus>)>;
 
-/// The callback asked to stop.
+/// Why there is no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Cancelled;
+pub(super) enum Unsolved {
+    /// The callback asked to stop.
+    Cancelled,
+    /// A target of the take cannot be followed by this character.
+    Target(TargetError),
+}
+
+/// A take with its layers.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Solved {
+    /// By time, before the feet have moved the roots.
+    pub(super) poses: Vec<(i64, Pose)>,
+    /// For each, whether a target holds a root.
+    pub(super) held: Vec<bool>,
+}
 
 /// The poses of a take's samples by its joints alone, in time order.
 fn driven(
@@ -37,7 +52,7 @@ fn driven(
     skeleton: &Skeleton,
     filter: Option<Filter>,
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
-) -> Result<Driven, Cancelled> {
+) -> Result<Driven, Unsolved> {
     let mut solver = StreamSolver::new(skeleton.clone());
     let mut clock = DeviceClock::new(take);
     let mut out: Driven = Vec::new();
@@ -58,16 +73,18 @@ fn driven(
                     out.push((time, pose, status));
                 }
             }
-            // The ground and what swings follow once all layers are there.
+            // The ground and what swings follow once all layers are there; targets belong to what completes the poses.
             Record::Skeleton(_)
             | Record::Pose(_)
             | Record::Event(_)
             | Record::Ground(_)
             | Record::Dynamics(_)
-            | Record::Shape(_) => {}
+            | Record::Shape(_)
+            | Record::Target(_)
+            | Record::InverseKinematics(_) => {}
         }
         if index.is_multiple_of(1024) && progress(index as f64 / take.records().len() as f64).is_break() {
-            return Err(Cancelled);
+            return Err(Unsolved::Cancelled);
         }
     }
     out.sort_by_key(|(time, ..)| *time);
@@ -83,21 +100,28 @@ pub(super) fn solve_layers(
     skeleton: &Skeleton,
     filter: Option<Filter>,
     layers: &[Layer<'_>],
-    mut completion: Option<&mut (dyn PoseCompletion + '_)>,
+    mut completed: Completed<'_, '_>,
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
-) -> Result<Vec<(i64, Pose)>, Cancelled> {
+) -> Result<Solved, Unsolved> {
+    let told = told(base);
     let steps = 1.0 + 2.0 * layers.len() as f64;
-    let base = driven(base, skeleton, filter, &mut |done| progress(done / steps))?;
+    let (base_take, base) = (base, driven(base, skeleton, filter, &mut |done| progress(done / steps))?);
     let over = layers
         .iter()
         .enumerate()
         .map(|(n, layer)| driven(layer.take, skeleton, filter, &mut |done| progress((1.0 + n as f64 + done) / steps)));
     let over: Vec<Driven> = over.collect::<Result<_, _>>()?;
     let mut out: Vec<(i64, Pose)> = Vec::new();
+    let mut held = vec![false; base.len()];
+    let first = base.first().map_or(0, |(time, ..)| *time);
     for count in 0..=layers.len() {
-        if let Some(completion) = &mut completion {
-            completion.restart();
-        }
+        completed.begin(base_take);
+        let mut told = told.iter().peekable();
+        // Targets are places in the world, so they need to know by how much the feet will move the roots.
+        let mut standing = base_take
+            .ground()
+            .filter(|_| told.peek().is_some())
+            .and_then(|ground| Standing::new(skeleton, ground.clone()).ok());
         let active: Vec<(&Layer<'_>, &Driven)> = layers.iter().zip(&over).take(count).collect();
         for (index, (time, pose, status)) in base.iter().enumerate() {
             let (mut pose, mut status) = (pose.clone(), status.clone());
@@ -106,8 +130,17 @@ pub(super) fn solve_layers(
                     put_over(&mut pose, &mut status, layer, driven, *time);
                 }
             }
-            if let Some(completion) = &mut completion {
-                completion.complete(&status, &mut pose);
+            while let Some((_, record)) = told.next_if(|(from, _)| *from <= *time) {
+                completed.hear(record).map_err(Unsolved::Target)?;
+            }
+            if let Some(completion) = completed.now() {
+                let device_micros = time.saturating_sub(first).max(0).unsigned_abs();
+                let offset = standing.as_ref().map_or(Vec3::ZERO, Standing::offset);
+                completion.complete(PoseMoment { device_micros, offset }, &status, &mut pose);
+                held[index] = completion.holds_root();
+                if let Some(standing) = &mut standing {
+                    standing.stand(device_micros, held[index], skeleton, &mut pose.clone());
+                }
             }
             match active.last() {
                 None => out.push((*time, pose)),
@@ -122,11 +155,30 @@ pub(super) fn solve_layers(
             }
             let done = 1.0 + layers.len() as f64 + (count as f64 - 1.0 + index as f64 / base.len() as f64).max(0.0);
             if index.is_multiple_of(256) && progress((done / steps).min(1.0)).is_break() {
-                return Err(Cancelled);
+                return Err(Unsolved::Cancelled);
             }
         }
     }
-    Ok(out)
+    Ok(Solved { poses: out, held })
+}
+
+/// What a take tells whatever completes its poses, with the time of the sample from which on it holds.
+fn told(take: &Take) -> Vec<(i64, &Record)> {
+    let mut clock = DeviceClock::new(take);
+    let (mut told, mut waiting) = (Vec::new(), Vec::new());
+    for record in take.records() {
+        match record {
+            Record::Sample(_) => {
+                let time = clock.next_sample();
+                told.extend(waiting.drain(..).map(|record| (time, record)));
+            }
+            Record::Target(_) | Record::InverseKinematics(_) => waiting.push(record),
+            _ => {}
+        }
+    }
+    // What holds from a sample on that is not there any more never comes to bear.
+    told.sort_by_key(|(time, _)| *time);
+    told
 }
 
 /// How much a layer counts at a time.

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use armature_rig::{DynamicsError, GroundError, JointTreeError, SkeletonError};
+use armature_rig::{DynamicsError, GroundError, JointTreeError, SkeletonError, TargetError};
 
 use super::format::{MAJOR_VERSION, MAX_PAYLOAD_BYTES};
 
@@ -107,6 +107,9 @@ pub enum PayloadError {
     /// The skeleton cannot swing like this.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
+    /// The target cannot be used.
+    #[error(transparent)]
+    Target(#[from] TargetError),
     /// The parts are not a puppet.
     #[error(transparent)]
     JointTree(#[from] JointTreeError),

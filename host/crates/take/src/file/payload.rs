@@ -63,6 +63,26 @@ pub(super) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), Write
     limits.iter().try_for_each(|words| put_text(out, "the limit of a joint", words))
 }
 
+/// The record of inverse kinematics that begins in the middle of a take.
+pub(super) fn put_inverse_kinematics(out: &mut Vec<u8>, ik: &InverseKinematicsHeader) -> Result<(), WriteError> {
+    for (field, words) in
+        [("the pinned bones", &ik.pins), ("what bones prefer", &ik.preferences), ("the limits of joints", &ik.limits)]
+    {
+        put_count(out, field, words.len(), Skeleton::MAX_BONES)?;
+        words.iter().try_for_each(|words| put_text(out, field, words))?;
+    }
+    Ok(())
+}
+
+pub(super) fn read_inverse_kinematics(fields: &mut Fields<'_>) -> Result<InverseKinematicsHeader, PayloadError> {
+    let mut words = |field: &'static str| {
+        let count = fields.u16(field)?;
+        (0..count).map(|_| fields.text(field)).collect::<Result<Vec<String>, PayloadError>>()
+    };
+    let (pins, preferences) = (words("pinned bones")?, words("preferences")?);
+    Ok(InverseKinematicsHeader { pins, preferences, limits: words("limits")? })
+}
+
 pub(super) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadError> {
     let flags = fields.u32("flags")?;
     let rate = fields.f64("nominal rate")?;

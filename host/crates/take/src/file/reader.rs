@@ -9,11 +9,11 @@ use super::error::{PayloadError, TakeError, WriteError};
 use super::format::{MAGIC, MAJOR_VERSION, MINOR_VERSION, PREAMBLE_BYTES, RECORD_OVERHEAD_BYTES};
 use super::frame::{self, Damage, Found, RawRecord, Scanner};
 use super::packed_pose::PackedPose;
-use super::record::{Event, Header, Record, Sample, Totals};
+use super::record::{Event, Header, InverseKinematicsHeader, Record, Sample, Totals};
 use super::record_kind::RecordKind;
 use super::report::{Problem, ReadReport};
 use super::writer::TakeWriter;
-use super::{payload, payload_dynamics, payload_rig};
+use super::{payload, payload_dynamics, payload_rig, payload_target};
 
 /// A take in memory: its records in the order they were written.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -88,6 +88,17 @@ impl Take {
     /// All events, in file order.
     pub fn events(&self) -> impl Iterator<Item = &Event> {
         self.records.iter().filter_map(|record| if let Record::Event(event) = record { Some(event) } else { None })
+    }
+
+    /// How bones without a joint were posed, from its beginning or from some sample on; `None`: they stayed in the rest pose.
+    pub fn inverse_kinematics(&self) -> Option<&InverseKinematicsHeader> {
+        let later = || {
+            self.records.iter().find_map(|record| match record {
+                Record::InverseKinematics(ik) => Some(ik),
+                _ => None,
+            })
+        };
+        self.header.inverse_kinematics.as_ref().or_else(later)
     }
 
     /// How the roots follow the feet, as last said; `None` where they do not.
@@ -194,6 +205,8 @@ impl Take {
             RecordKind::Ground => Record::Ground(payload_rig::read_ground(fields, self.skeleton())?),
             RecordKind::Dynamics => Record::Dynamics(payload_dynamics::read(fields, self.skeleton())?),
             RecordKind::Shape => Record::Shape(payload_rig::read_shape_setting(fields)?),
+            RecordKind::Target => Record::Target(payload_target::read_target(fields, self.skeleton())?),
+            RecordKind::InverseKinematics => Record::InverseKinematics(payload::read_inverse_kinematics(fields)?),
             RecordKind::ReadingsReturn => Record::ReadingsReturn { micros: fields.u32("time")? },
             RecordKind::End => return payload::read_totals(fields).map(Read::End),
         }))

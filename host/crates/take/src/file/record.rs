@@ -1,6 +1,6 @@
 //! The contents of a take.
 
-use armature_rig::{Calibration, Dynamics, Ground, JointTree, Mapping, RawSample, Skeleton};
+use armature_rig::{Calibration, Dynamics, Ground, JointTree, Mapping, RawSample, Skeleton, TargetChange};
 
 use super::packed_pose::PackedPose;
 use super::record_kind::RecordKind;
@@ -200,6 +200,10 @@ pub enum Record {
     Shape(ShapeSetting),
     /// Which bones swing and how, from here on, beginning anew; `None`: none do.
     Dynamics(Option<Dynamics>),
+    /// A point of the character is dragged, or let go, from the next sample on.
+    Target(TargetChange),
+    /// From here on bones without a joint are posed by inverse kinematics, in a take that began without it.
+    InverseKinematics(InverseKinematicsHeader),
 }
 
 /// A blend shape that is set by hand. One that a joint drives is set by the mapping instead, with every sample.
@@ -229,6 +233,8 @@ impl Record {
             Self::Ground(_) => RecordKind::Ground,
             Self::Shape(_) => RecordKind::Shape,
             Self::Dynamics(_) => RecordKind::Dynamics,
+            Self::Target(_) => RecordKind::Target,
+            Self::InverseKinematics(_) => RecordKind::InverseKinematics,
         }
     }
 }

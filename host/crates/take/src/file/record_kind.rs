@@ -38,6 +38,10 @@ pub enum RecordKind {
     Shape = 14,
     /// [`Record::Dynamics`](super::Record::Dynamics).
     Dynamics = 15,
+    /// [`Record::Target`](super::Record::Target).
+    Target = 20,
+    /// [`Record::InverseKinematics`](super::Record::InverseKinematics).
+    InverseKinematics = 21,
 }
 
 impl RecordKind {
@@ -59,6 +63,8 @@ impl RecordKind {
             13 => Self::Ground,
             14 => Self::Shape,
             15 => Self::Dynamics,
+            20 => Self::Target,
+            21 => Self::InverseKinematics,
             _ => return None,
         })
     }
@@ -76,7 +82,8 @@ impl RecordKind {
             | Self::Mapping
             | Self::JointSettings
             | Self::Ground
-            | Self::Dynamics => MAX_PAYLOAD_BYTES,
+            | Self::Dynamics
+            | Self::InverseKinematics => MAX_PAYLOAD_BYTES,
             Self::Pose => 4 << 20,
             Self::Header
             | Self::Topology
@@ -85,7 +92,8 @@ impl RecordKind {
             | Self::End
             | Self::Engagement
             | Self::ReadingsReturn
-            | Self::Shape => 1 << 20,
+            | Self::Shape
+            | Self::Target => 1 << 20,
         }
     }
 }
@@ -108,6 +116,8 @@ impl fmt::Display for RecordKind {
             Self::Ground => "ground",
             Self::Shape => "shape",
             Self::Dynamics => "dynamics",
+            Self::Target => "target",
+            Self::InverseKinematics => "inverse kinematics",
         })
     }
 }

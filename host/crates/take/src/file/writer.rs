@@ -2,15 +2,15 @@
 
 use std::io;
 
-use armature_rig::{Calibration, Dynamics, Ground, JointTree, Mapping, Pose, RawSample, Skeleton};
+use armature_rig::{Calibration, Dynamics, Ground, JointTree, Mapping, Pose, RawSample, Skeleton, TargetChange};
 
 use super::bytes::Put;
 use super::error::WriteError;
 use super::format::PREAMBLE_BYTES;
 use super::packed_pose::PackedPose;
-use super::record::{Event, Header, Record, ShapeSetting, Totals};
+use super::record::{Event, Header, InverseKinematicsHeader, Record, ShapeSetting, Totals};
 use super::record_kind::RecordKind;
-use super::{frame, packed_pose, payload, payload_dynamics, payload_rig};
+use super::{frame, packed_pose, payload, payload_dynamics, payload_rig, payload_target};
 
 /// Appends records to any byte sink.
 ///
@@ -126,6 +126,19 @@ impl<W: io::Write> TakeWriter<W> {
         self.write(RecordKind::Dynamics, |payload| payload_dynamics::put(payload, dynamics))
     }
 
+    /// A point of the character is dragged, or let go, from the next sample on.
+    pub fn target(&mut self, change: &TargetChange) -> Result<(), WriteError> {
+        self.write(RecordKind::Target, |payload| {
+            payload_target::put_target(payload, change);
+            Ok(())
+        })
+    }
+
+    /// Bones without a joint are posed by inverse kinematics from here on; for a take whose header has none.
+    pub fn inverse_kinematics(&mut self, ik: &InverseKinematicsHeader) -> Result<(), WriteError> {
+        self.write(RecordKind::InverseKinematics, |payload| payload::put_inverse_kinematics(payload, ik))
+    }
+
     /// Any record, as stored in a take that was read.
     pub fn record(&mut self, record: &Record) -> Result<(), WriteError> {
         match record {
@@ -141,6 +154,8 @@ impl<W: io::Write> TakeWriter<W> {
             Record::Ground(ground) => self.ground(ground.as_ref()),
             Record::Shape(setting) => self.shape(setting),
             Record::Dynamics(dynamics) => self.dynamics(dynamics.as_ref()),
+            Record::Target(change) => self.target(change),
+            Record::InverseKinematics(ik) => self.inverse_kinematics(ik),
         }
     }
 
