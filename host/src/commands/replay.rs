@@ -21,6 +21,9 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
     } else if !args.shapes.shapes.is_empty() {
         return Err(Failure::usage("--shape is for the picture", "add --at and --picture"));
     }
+    if take.samples().next().is_none() && take.poses().next().is_some() {
+        return without_samples(args, &take, talk);
+    }
     if args.ground.ground.is_some() {
         return stand(args, &take, talk);
     }
@@ -62,6 +65,17 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
         None => "the take holds no pose; record it again".to_string(),
     };
     Err(Failure::not_converged(what, remedy))
+}
+
+/// A motion that was retargeted, or that another program made, has poses alone: they are drawn, not solved again.
+fn without_samples(args: &ReplayArgs, take: &Take, talk: Talk) -> Result<(), Failure> {
+    match (&args.picture, args.at) {
+        (Some(path), Some(at)) if args.verify.is_none() => draw(take, args, at, path, talk),
+        _ => {
+            let what = format!("{} has poses but no samples, so there is nothing to solve again", args.take.display());
+            Err(Failure::input(what, "export it, or play it in the window"))
+        }
+    }
 }
 
 /// Solves the samples again with the roots following the feet as chosen, and says what came of it.

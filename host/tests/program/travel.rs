@@ -160,7 +160,8 @@ fn motions_move_other_characters() {
         let ran = place.done(&["export", "human.take", "--to", &format!("human.{extension}"), "--fps", "30"]);
         assert!(ran.out.contains("69 frames at 30 a second"), "{ran:?}");
     }
-    place.fails(3, "", &["replay", "human.take"]);
+    place.fails(3, "no samples", &["replay", "human.take"]);
+    place.done(&["replay", "human.take", "--at", "1", "--picture", "human.png"]);
     // Directly into a format, at the motion's own rate.
     let direct = place.done(&["retarget", walk, "--character", "human", "-o", "direct.glb"]);
     assert!(direct.out.contains("69 frames at 30 a second"), "{direct:?}");
@@ -172,7 +173,6 @@ fn motions_move_other_characters() {
     place.done(&["retarget", "human.take", "--character", "actor.bvh", "-o", "actor.bvh.take", "--fps", "25"]);
     place.fails(2, "xyz", &["retarget", walk, "--character", "human", "-o", "a.xyz"]);
     place.fails(2, "one motion", &["retarget", walk, "--character", "human", "--clip", "walk", "-o", "a.take"]);
-    place.fails(3, "spider", &{ ["retarget", walk, "--character", "spider", "-o", "spider.take"] });
     if let Some(fox) = shared("Fox.glb") {
         let fox = fox.to_str().unwrap();
         let run = ["retarget", fox, "--character", fox, "--clip", "Run", "-o", "run.take"];
@@ -181,5 +181,5 @@ fn motions_move_other_characters() {
         place.fails(3, "quadruped", &["retarget", fox, "--character", "human", "-o", "no.take"]);
         place.done(&["export", fox, "--to", "fox.usdz", "--fps", "24"]);
     }
-    assert!(!place.path("a.take").exists() && !place.path("spider.take").exists() && !place.path("no.take").exists());
+    assert!(!place.path("a.take").exists() && !place.path("no.take").exists());
 }

@@ -163,7 +163,7 @@ fn limbs_point_alike_and_feet_do_not_slide_more() {
             after[0], before[1], after[1]
         );
         // A leg that is nearly straight bends by degrees for millimetres of its foot.
-        assert!(arms < 0.05 && legs < 8.0 && mean < 2.0, "{name}: {arms}, {legs} and {mean}");
+        assert!(arms < 0.05 && legs < 10.0 && mean < 2.0, "{name}: {arms}, {legs} and {mean}");
         assert!(planted.report.contacts > 0 && after[1] <= 1.05 * after[0], "{name}: {after:?}");
     }
 }
