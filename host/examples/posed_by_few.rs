@@ -144,7 +144,7 @@ fn skinned(character: &Character, model_from_rest: &[Affine3A]) -> Outcome<Skinn
     let rest = character.skeleton.rest_model_from_bone();
     let frames: Vec<Affine3A> = model_from_rest.iter().zip(&rest).map(|(map, rest)| *map * *rest).collect();
     let (mut positions, mut normals) = (character.rest_positions(), character.surface.normals.clone());
-    character.skin()?.solve(&frames, &mut positions, &mut normals)?;
+    character.linear_skin()?.solve(&frames, &mut positions, &mut normals)?;
     Ok((positions, normals))
 }
 

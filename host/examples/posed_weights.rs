@@ -176,7 +176,7 @@ fn draw(character: &Character, shot: &Shot, words: &str) -> Result<Picture, Fail
     }
     let mut model_from_bone = vec![Affine3A::IDENTITY; skeleton.len()];
     pose.forward_kinematics(skeleton, &mut model_from_bone);
-    let mut skin = character.skin().map_err(|e| drawing_failed(&e))?;
+    let mut skin = character.linear_skin().map_err(|e| drawing_failed(&e))?;
     let (mut positions, mut normals) = (character.rest_positions(), character.surface.normals.clone());
     let whole = Bounds::of(&positions).ok_or_else(|| drawing_failed(&"there are no vertices"))?;
     skin.solve(&model_from_bone, &mut positions, &mut normals).map_err(|e| drawing_failed(&e))?;

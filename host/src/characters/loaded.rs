@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use armature_character::Character;
-use armature_deform::skin::{LinearBlendSkin, Morphs};
+use armature_character::skin::CharacterSkin;
+use armature_deform::skin::Morphs;
 use armature_formats::model::{AlphaMode, Texture};
 use armature_geometry::Influences;
 use armature_render::{Alpha, Map, Material, MeshPart, Picture, Wrap, decode_picture};
@@ -104,8 +105,8 @@ impl LoadedCharacter {
     }
 
     /// The skin made ready for every frame; `None` for a bare skeleton.
-    pub fn precompute_skin(&self) -> Result<Option<LinearBlendSkin>, Failure> {
-        let skin = self.character().map(Character::skin).transpose();
+    pub fn precompute_skin(&self) -> Result<Option<CharacterSkin>, Failure> {
+        let skin = self.character().map(CharacterSkin::precompute).transpose();
         skin.map_err(|e| Failure::input(format!("{}: {e}", self.name), "bind the character again"))
     }
 

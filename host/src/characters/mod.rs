@@ -7,12 +7,13 @@ pub mod inverse_kinematics;
 mod loaded;
 pub mod rigging;
 pub mod shapes;
+pub mod skin;
 pub mod targets;
 pub mod volumes;
 
 use std::path::{Path, PathBuf};
 
-use armature_character::bind::BindSettings;
+use armature_character::bind::{BindError, BindSettings};
 use armature_character::cache::{CacheError, CacheKey, cache_key};
 use armature_character::handle_weights::HandleWeightsError;
 use armature_character::volume::MakeError;
@@ -137,6 +138,25 @@ fn own(name: &str, progress: Progress) -> Result<Character, Failure> {
     Ok(character)
 }
 
+/// One of our own characters with endpoint weights for its skin, which also take seconds and are kept.
+fn own_twisting(name: &str, character: Character, progress: Progress) -> Result<Character, Failure> {
+    let cached = program_stamp().zip(cache_folder()).map(|(stamp, folder)| {
+        let key = cache_key(&[name.as_bytes(), b"twisting", &stamp], &BindSettings::default());
+        folder.join(format!("{key}.armature"))
+    });
+    if let Some(character) = cached.as_deref().and_then(read_cached) {
+        return Ok(character);
+    }
+    let character = armature_character::own::twisting(character, progress).map_err(|e| match e {
+        BindError::Biharmonic(HandleWeightsError::Cancelled { .. }) | BindError::Cancelled { .. } => {
+            Failure::usage("cancelled", "")
+        }
+        e => Failure::not_converged(format!("{name}: {e}"), "this is a defect; please report it"),
+    })?;
+    keep(cached.as_deref(), &character);
+    Ok(character)
+}
+
 /// Length and time of the program's own file: another build may shape other characters.
 fn program_stamp() -> Option<Vec<u8>> {
     let metadata = std::fs::metadata(std::env::current_exe().ok()?).ok()?;
@@ -230,7 +250,6 @@ fn cache_key_of(model: &Model, mesh: &[u8], skeleton: &[u8], settings: &BindSett
 }
 
 fn bind_failure(mesh: &Path, error: &armature_character::bind::BindError) -> Failure {
-    use armature_character::bind::BindError;
     let what = format!("{}: {error}", mesh.display());
     match error {
         BindError::NoSkeleton => {
@@ -239,6 +258,7 @@ fn bind_failure(mesh: &Path, error: &armature_character::bind::BindError) -> Fai
         BindError::Cancelled { .. } => Failure::usage(what, ""),
         BindError::Biharmonic(error) => weights_failure(mesh, error),
         BindError::NoSuchPart { .. } => Failure::usage(what, "--transfer takes the name of one of these"),
+        BindError::NoSuchBone { .. } => Failure::usage(what, "--twist-curve takes the name of one of these"),
         BindError::NothingToTransfer => Failure::usage(what, "give --transfer for fewer parts"),
         BindError::Heat(_) | BindError::Sparsify(_) | BindError::Smooth(_) | BindError::Transfer(_) => {
             Failure::not_converged(

@@ -10,6 +10,7 @@ use crate::characters::dynamics::DynamicsArgs;
 use crate::characters::ground::GroundArgs;
 use crate::characters::inverse_kinematics::IkArgs;
 use crate::characters::shapes::ShapeArgs;
+use crate::characters::skin::SkinArgs;
 use crate::characters::targets::TargetArgs;
 use crate::engine::puppet_rest::PuppetRest;
 use crate::engine::sources::simulated::SimulatedArgs;
@@ -45,6 +46,9 @@ pub struct DemoArgs {
     /// Bones without a joint.
     #[command(flatten)]
     pub ik: IkArgs,
+    /// The skin.
+    #[command(flatten)]
+    pub skin: SkinArgs,
 }
 
 /// `armature inspect`
@@ -184,6 +188,9 @@ pub struct RunArgs {
     /// Blend shapes.
     #[command(flatten)]
     pub shapes: ShapeArgs,
+    /// The skin.
+    #[command(flatten)]
+    pub skin: SkinArgs,
     /// Dragging.
     #[command(flatten)]
     pub targets: TargetArgs,
@@ -336,6 +343,9 @@ pub struct WindowArgs {
     /// Load this character; without it, the one that matches the simulated puppet, else human
     #[arg(short, long)]
     pub character: Option<String>,
+    /// The skins of this and all other characters that are loaded.
+    #[command(flatten)]
+    pub skin: SkinArgs,
 }
 
 fn positive_seconds(text: &str) -> Result<f64, String> {

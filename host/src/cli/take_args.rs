@@ -9,6 +9,7 @@ use clap::Args;
 use super::numbers::positive;
 use crate::characters::ground::GroundArgs;
 use crate::characters::shapes::ShapeArgs;
+use crate::characters::skin::SkinArgs;
 use crate::files::Overwrite;
 
 /// The order in which a BVH names rotations.
@@ -90,6 +91,9 @@ pub struct ReplayArgs {
     /// Shapes of the character in the picture.
     #[command(flatten)]
     pub shapes: ShapeArgs,
+    /// Its skin in the picture.
+    #[command(flatten)]
+    pub skin: SkinArgs,
 }
 
 /// `armature retarget`

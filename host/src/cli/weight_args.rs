@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
-use armature_character::bind::{BindMethod, MOST_INFLUENCES, WEIGHT_VOLUME_VERTICES};
+use armature_character::bind::{BindMethod, MOST_INFLUENCES, TwistCurve, WEIGHT_VOLUME_VERTICES};
 use armature_character::handle_weights::{BiharmonicTier, FLAT, Partition, WeightMethod, WeightsOn};
+use armature_character::{EndpointMethod, SkinKind};
 use armature_weights::biharmonic::{BiharmonicSettings, ExactPartitionSettings};
+use armature_weights::endpoints::SplineFilter;
 use armature_weights::handles::{FREE_NEAR_JOINTS, MOST_FREE_NEAR_JOINTS};
 use clap::{ArgGroup, Args, ValueEnum};
 
 use super::args::volume_vertices;
 use super::rig_args::TemplateArgs;
+use crate::characters::skin::skin_help;
 use crate::failure::Failure;
 use crate::files::Overwrite;
 use crate::terminal::grouped;
@@ -269,6 +272,7 @@ they can be from the optimal ones. {problem} Binding the same files again takes 
   armature bind armadillo.obj -s armadillo.tgf --method heat                    bone heat, for comparison
   armature bind body.obj --template human -o body.armature                      a mesh without a skeleton
   armature bind fox.glb                                                         an artist's own weights stay
+  armature bind fox.glb --skin stretch-twist                                    and its limbs twist along their length
   armature bind fox.glb --influences 4                                          no more than a game engine takes
   armature bind fox.glb --smooth-weights                                        without the noise of a brush
   armature bind body.obj -s bones.tgf --picture body.png --picture-of bone_3    where one bone moves the mesh";
@@ -311,6 +315,18 @@ pub struct BindArgs {
     /// computed ones have up to 8, or 4 with bone heat
     #[arg(long, value_parser = influence_count)]
     pub influences: Option<usize>,
+    #[arg(long, value_name = "KIND", default_value_t = SkinKind::Linear, help = skin_help(". Kept in the character's file"))]
+    #[expect(missing_docs, reason = "its help is put together with that of run")]
+    pub skin: SkinKind,
+    /// For a skin that stretches and twists, how it is found how far along its bones each vertex is: bbw (bounded biharmonic
+    /// weights of the joints), heat (their bone heat weights), projection (the nearest place on the bone) or distance
+    /// (inverse squared distances of the joints); without it, heat with --method heat, else bbw
+    #[arg(long, value_name = "METHOD")]
+    pub endpoints: Option<EndpointMethod>,
+    /// Where along a bone its twist and stretch happen, BONE:PLACE=SHARE,…, both from 0 at its head to 1 at its tail; may be
+    /// given several times. Spine:0.4=0.8 puts most of a twist into the lower part
+    #[arg(long, value_name = "BONE:PLACE=SHARE", value_parser = twist_curve)]
+    pub twist_curve: Vec<TwistCurve>,
     /// A part of the file, such as a shirt, that takes its weights from the other parts, even if it has some; may be given
     /// several times. Parts without weights do so by themselves where they lie on others
     #[arg(long, value_name = "PART")]
@@ -398,6 +414,18 @@ pub struct WeightsArgs {
     pub json: bool,
 }
 
+fn twist_curve(text: &str) -> Result<TwistCurve, String> {
+    let wrong = || format!("{text:?} is no twist curve: write BONE:PLACE=SHARE, such as Spine:0.4=0.8");
+    let (bone, points) = text.rsplit_once(':').ok_or_else(wrong)?;
+    let point = |point: &str| {
+        let (place, share) = point.split_once('=')?;
+        Some([place.trim().parse().ok()?, share.trim().parse().ok()?])
+    };
+    let points = points.split(',').map(point).collect::<Option<Vec<[f64; 2]>>>().ok_or_else(wrong)?;
+    let curve = SplineFilter::through(&points).map_err(|e| e.to_string())?;
+    if bone.is_empty() { Err(wrong()) } else { Ok(TwistCurve { bone: bone.into(), curve }) }
+}
+
 fn influence_count(text: &str) -> Result<usize, String> {
     let count: usize = text.parse().map_err(|_| format!("{text:?} is not a whole number"))?;
     if (1..=MOST_INFLUENCES).contains(&count) {
@@ -463,6 +491,17 @@ mod tests {
             format!("less than {FLAT} of the cube of their longest edge"),
         ] {
             assert!(guide.contains(&part), "{part:?} is not in WEIGHTS.md");
+        }
+    }
+
+    #[test]
+    fn a_twist_curve_is_a_bone_and_points() {
+        let curve = twist_curve("mixamorig:Spine:0.4=0.8,0.6=0.9").unwrap();
+        assert_eq!((curve.bone.as_str(), curve.curve.at(0.4)), ("mixamorig:Spine", 0.8));
+        for wrong in
+            ["", "Spine", "Spine:", "Spine:0.4", ":0.4=0.8", "Spine:0.4=x", "Spine:0.4=1.5", "Spine:0.6=0.1,0.4=0.2"]
+        {
+            assert!(twist_curve(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use armature_character::bind::{BindMethod, BindSettings};
 use armature_character::handle_weights::{BiharmonicTier, DomainKind, WeightsOn};
-use armature_character::{Character, MonotoneRecord, Provenance, SolvedRecord, WeightsRecord};
+use armature_character::{Character, MonotoneRecord, Provenance, SkinKind, SolvedRecord, WeightsRecord};
 use armature_weights::WeightMatrix;
 
 use super::rig::tell_doubts;
@@ -28,6 +28,12 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
     }
     if args.method == Method::Heat {
         args.release.refuse_for_heat()?;
+    }
+    if !args.skin.stretches() && (args.endpoints.is_some() || !args.twist_curve.is_empty()) {
+        return Err(Failure::usage(
+            format!("--endpoints and --twist-curve are for skins that stretch and twist, not for {}", args.skin),
+            "add --skin stretch-twist, or leave them out",
+        ));
     }
     args.order.refuse_unless(args.method == Method::Monotone)?;
     args.overwrite.check(&args.output)?;
@@ -62,6 +68,9 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
         on: args.domain.volume_or_asked(),
         joint_release: args.release.share(),
         smooth_weights: args.smooth_weights,
+        skin: args.skin,
+        endpoints: args.endpoints,
+        twist_curves: args.twist_curve.clone(),
         ..BindSettings::default()
     };
     let mut fit = None;
@@ -97,7 +106,7 @@ pub fn bind(args: &BindArgs, talk: Talk) -> Result<(), Failure> {
             counted(character.surface.mesh.vertices.len(), "vertex", "vertices"),
             counted(character.surface.mesh.triangles.len(), "triangle", "triangles"),
             counted(character.skeleton.len(), "bone", "bones"),
-            how_made(&character.provenance),
+            how_made(&character.provenance) + &skin_words(&character),
             start.elapsed().as_secs_f64(),
         );
     }
@@ -143,6 +152,15 @@ pub(super) fn how_made(provenance: &Provenance) -> String {
             };
             format!("{}, {extrema}", solved_words(&format!("monotone weights of order {order}"), solved))
         }
+    }
+}
+
+/// How the skin follows the bones, in words; empty for linear blending.
+fn skin_words(character: &Character) -> String {
+    match (character.skin, &character.surface.endpoints) {
+        (SkinKind::Linear, None) => String::new(),
+        (kind, None) => format!("; skin {kind}"),
+        (kind, Some(endpoints)) => format!("; skin {kind}, endpoint weights by {}", endpoints.method),
     }
 }
 

@@ -10,6 +10,7 @@ use glam::Affine3A;
 
 use super::run::show_progress;
 use crate::characters::LoadedCharacter;
+use crate::characters::skin::SkinArgs;
 use crate::cli::args::DemoArgs;
 use crate::engine::command::RunPlan;
 use crate::engine::drive::drive_run;
@@ -75,7 +76,7 @@ pub fn demo(args: &DemoArgs, talk: Talk) -> Result<(), Failure> {
         }
     };
     let device = format!("sim:{}", args.puppet);
-    let character = make_character(characters::default_for(&device), talk, &say)?;
+    let character = make_character(characters::default_for(&device), args.skin, talk, &say)?;
     let (line, summary) = perform_and_record(args, &device, character.clone(), &outputs.take, talk)?;
     say(summary.to_string());
     if let Some(trouble) = summary.trouble {
@@ -89,10 +90,15 @@ pub fn demo(args: &DemoArgs, talk: Talk) -> Result<(), Failure> {
     Ok(())
 }
 
-fn make_character(name: &str, talk: Talk, say: &dyn Fn(String)) -> Result<Arc<LoadedCharacter>, Failure> {
+fn make_character(
+    name: &str,
+    skin: SkinArgs,
+    talk: Talk,
+    say: &dyn Fn(String),
+) -> Result<Arc<LoadedCharacter>, Failure> {
     let start = std::time::Instant::now();
     let bar = Bar::new(talk, "shaping the character");
-    let found = characters::find(name, &mut bar.stages())?;
+    let found = skin.apply(characters::find(name, &mut bar.stages())?, &mut bar.stages())?;
     bar.finish();
     let triangles = found.character.shape.as_ref().map_or(0, |s| s.triangles().len());
     let bones = found.character.skeleton.len();

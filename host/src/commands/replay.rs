@@ -18,8 +18,9 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
     let take = takes::read_and_tell(&args.take)?;
     if let Some(at) = args.at {
         check_moment(&take, args, at)?;
-    } else if !args.shapes.shapes.is_empty() {
-        return Err(Failure::usage("--shape is for the picture", "add --at and --picture"));
+    } else if !args.shapes.shapes.is_empty() || args.skin.skin.is_some() {
+        let option = if args.shapes.shapes.is_empty() { "--skin" } else { "--shape" };
+        return Err(Failure::usage(format!("{option} is for the picture"), "add --at and --picture"));
     }
     if take.samples().next().is_none() && take.poses().next().is_some() {
         return without_samples(args, &take, talk);
@@ -149,6 +150,7 @@ fn character_of(take: &Take, args: &ReplayArgs, talk: Talk) -> Result<LoadedChar
         Some(source) => characters::find(source, &mut bar.stages())?,
         None => characters::find_for_take(&args.take, recorded, &mut bar.stages())?,
     };
+    let found = args.skin.apply(found, &mut bar.stages())?;
     bar.finish();
     if take.skeleton() != Some(&found.character.skeleton) {
         let source = &found.character.source;

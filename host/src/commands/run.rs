@@ -37,7 +37,7 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
     args.ground.check_pins(&args.ik.pin)?;
     let character = args.character.as_deref().unwrap_or_else(|| characters::default_for(&args.device));
     let bar = Bar::new(talk, "loading the character");
-    let found = characters::find(character, &mut bar.stages())?;
+    let found = args.skin.apply(characters::find(character, &mut bar.stages())?, &mut bar.stages())?;
     bar.finish();
     tell(talk, found.warnings.iter().map(|w| format!("note: {w}")));
     let character = Arc::new(found.character);

@@ -91,6 +91,7 @@ fn dancer(mapping: Option<Mapping>) -> Puppeteer {
         normals: vec![[0.0, 0.0, 1.0]; 3],
         texture_coordinates: None,
         vertex_colors: None,
+        endpoints: None,
         influences: Influences::new(1, vec![0; 3], vec![1.0; 3], 3).unwrap(),
         parts: vec![Surface::one_part(&mesh)],
         morph_targets: vec![MorphTarget {
@@ -109,6 +110,7 @@ fn dancer(mapping: Option<Mapping>) -> Puppeteer {
         skeleton: Skeleton::new(bones).unwrap(),
         skins: Vec::new(),
         avatar: None,
+        skin: armature_character::SkinKind::Linear,
         provenance: Provenance::Artist,
         warnings: Vec::new(),
     };

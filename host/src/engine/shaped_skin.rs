@@ -1,6 +1,7 @@
 //! A character's skin: blended towards its shapes, then posed.
 
-use armature_deform::skin::{LinearBlendSkin, Morphs};
+use armature_character::skin::CharacterSkin;
+use armature_deform::skin::Morphs;
 use armature_rig::ShapeWeights;
 use glam::Affine3A;
 
@@ -10,7 +11,7 @@ use crate::failure::Failure;
 /// The skin of a character and its latest pose; empty without a mesh.
 #[derive(Debug)]
 pub(super) struct ShapedSkin {
-    skin: Option<LinearBlendSkin>,
+    skin: Option<CharacterSkin>,
     morphs: Option<Morphs>,
     /// Of the morph targets, as the file has them.
     rest_weights: Vec<f32>,

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::ControlFlow;
 
-use armature_character::Character;
+use armature_character::{Character, SkinKind};
 use armature_formats::fbx::FbxNotes;
 use armature_formats::motion::{BvhSettings, KeyInterpolation, annotate_clips};
 use armature_take::{
@@ -229,6 +229,8 @@ pub fn export(
             format!("{} has no place for the weights of blend shapes, which the take sets: {names}", target.name())
         });
     }
+    let drawn = character.filter(|_| target.holds_mesh()).and_then(LoadedCharacter::character);
+    notes.extend(drawn.and_then(plain_skin));
     notes.extend(edited.iter().flat_map(|edited| edited.notes.clone()));
     if options.start.is_some() && !target.holds_timecode() {
         let format = target.name();
@@ -368,6 +370,21 @@ fn of_mcap(error: &McapError) -> Failure {
 fn timecode_texts(options: &Options) -> Vec<(String, String)> {
     let text = |(key, value): (String, Value)| (key, value.as_str().map_or(value.to_string(), str::to_owned));
     options.start.into_iter().flat_map(timecode_of).map(text).collect()
+}
+
+/// What is lost of a character's skin in a file, whose reader blends linearly.
+fn plain_skin(character: &Character) -> Option<String> {
+    let lost = match character.skin {
+        SkinKind::Linear => return None,
+        SkinKind::DualQuaternion => "joints that collapse there do not here",
+        SkinKind::StretchTwist | SkinKind::StretchTwistDualQuaternion => {
+            "twists that are spread along limbs here are next to the joints there"
+        }
+    };
+    Some(format!(
+        "the skin of {} is {}; programs that open the file blend it linearly: {lost}",
+        character.name, character.skin
+    ))
 }
 
 fn is_spline(settings: &ExportSettings) -> bool {

@@ -73,7 +73,7 @@ fn bones_through(file: &Path) -> String {
 fn posed(character: &armature_character::Character, motion: &Motion) -> (Vec<usize>, Vec<u8>) {
     let last = motion.frames.len() - 1;
     let frames = vec![0, last / 2, last];
-    let mut skin = character.skin().unwrap();
+    let mut skin = character.linear_skin().unwrap();
     let mut bytes = Vec::new();
     let mut world = vec![Affine3A::IDENTITY; motion.skeleton.len()];
     for &frame in &frames {

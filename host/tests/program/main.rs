@@ -17,6 +17,7 @@ mod guide;
 mod outputs;
 mod rig_command;
 mod shapes;
+mod skins;
 mod streams;
 mod surface_command;
 mod takes;

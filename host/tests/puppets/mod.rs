@@ -5,7 +5,7 @@ use std::sync::Arc;
 use armature::characters::LoadedCharacter;
 use armature::engine::event::{Frame, Stats};
 use armature::takes::opened::{OpenedTake, prepare};
-use armature_character::{Character, Provenance};
+use armature_character::{Character, Provenance, SkinKind};
 use armature_formats::model::Material;
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::{
@@ -66,11 +66,13 @@ pub(crate) fn character() -> LoadedCharacter {
             normals: surface.normals,
             texture_coordinates: None,
             vertex_colors: None,
+            endpoints: None,
             influences: Influences::new(1, bone_of_vertex, weights, bones.len()).expect("one bone per vertex"),
         }),
         materials: vec![Material { base_color: Some([0.78, 0.72, 0.66, 1.0]), ..Material::default() }],
         skins: Vec::new(),
         avatar: None,
+        skin: SkinKind::Linear,
         skeleton: Skeleton::new(bones).expect("parents come first"),
         provenance: Provenance::Artist,
         warnings: Vec::new(),

@@ -10,9 +10,11 @@ use armature_formats::model::{
 };
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::Skeleton;
-use glam::Affine3A;
+use armature_weights::BoneSegment;
+use glam::{Affine3A, Vec3};
 
 use crate::handle_weights::{BiharmonicTier, DomainKind};
+use crate::skin_kind::{Endpoints, SkinKind};
 
 /// Everything needed to pose and draw a character.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +31,8 @@ pub struct Character {
     pub skins: Vec<Skin>,
     /// What a VRM avatar says of itself.
     pub avatar: Option<Avatar>,
+    /// How the skin follows the bones.
+    pub skin: SkinKind,
     /// How the weights were made.
     pub provenance: Provenance,
     /// What went wrong along the way, in sentences for the user.
@@ -49,6 +53,8 @@ pub struct Surface {
     pub vertex_colors: Option<Vec<[f32; 4]>>,
     /// One row per vertex.
     pub influences: Influences,
+    /// How far along its bones each vertex is, for bones that stretch and twist.
+    pub endpoints: Option<Endpoints>,
     /// The meshes, in order: at least one, and together the whole surface.
     pub parts: Vec<MeshPart>,
     /// Shapes that parts can be blended towards; the rest shape has them at their default weights.
@@ -160,7 +166,7 @@ impl Character {
         let mut positions = self.rest_positions();
         if self.surface.parts.iter().any(|part| part.skin.is_some()) {
             let mut normals = self.surface.normals.clone();
-            self.skin()?.solve(&self.skeleton.rest_model_from_bone(), &mut positions, &mut normals)?;
+            self.linear_skin()?.solve(&self.skeleton.rest_model_from_bone(), &mut positions, &mut normals)?;
         }
         Ok(positions)
     }
@@ -189,8 +195,15 @@ impl Character {
         }
     }
 
-    /// The character prepared for skinning every frame.
-    pub fn skin(&self) -> Result<LinearBlendSkin, SkinError> {
+    /// Its bones at rest, model space.
+    pub(crate) fn rest_bone_segments(&self) -> Vec<BoneSegment> {
+        let wide = |p: Vec3| p.as_dvec3().to_array();
+        let segment = |(head, tail)| BoneSegment { head: wide(head), tail: wide(tail) };
+        self.skeleton.rest_segments().into_iter().map(segment).collect()
+    }
+
+    /// The character prepared for linear blend skinning every frame, whatever kind its skin is of.
+    pub fn linear_skin(&self) -> Result<LinearBlendSkin, SkinError> {
         let Surface { normals, influences, parts, .. } = &*self.surface;
         let (positions, rest) = (self.rest_positions(), self.skeleton.rest_model_from_bone());
         if parts.iter().all(|part| part.skin.is_none()) {
@@ -282,7 +295,7 @@ impl Character {
     }
 
     /// The bones in their rest pose, then those of each skin.
-    fn bindings(&self, rest: &[Affine3A]) -> Result<Vec<BoneBinding>, SkinError> {
+    pub(crate) fn bindings(&self, rest: &[Affine3A]) -> Result<Vec<BoneBinding>, SkinError> {
         let poses = std::iter::once(rest).chain(self.skins.iter().map(|skin| skin.bound_model_from_bone.as_slice()));
         let mut bindings = Vec::with_capacity((1 + self.skins.len()) * rest.len());
         for pose in poses {
@@ -296,7 +309,7 @@ impl Character {
     }
 
     /// The influences with each part's bones renumbered to the bindings of its skin.
-    fn influences_of_bindings(&self, bones: usize, bindings: usize) -> Result<Influences, SkinError> {
+    pub(crate) fn influences_of_bindings(&self, bones: usize, bindings: usize) -> Result<Influences, SkinError> {
         let Surface { influences, parts, .. } = &*self.surface;
         let (per_vertex, too_many) = (influences.per_vertex(), SkinError::TooManyBindings { bindings });
         let mut slots = influences.bones().to_vec();

@@ -40,6 +40,7 @@
 //! | [`cache`] | [`to_bytes`](cache::to_bytes), [`from_bytes`](cache::from_bytes), [`cache_key`](cache::cache_key) |
 //! | [`inverse_kinematics`] | `new`, `drive` and `prefer` of [`InverseKinematics`](inverse_kinematics::InverseKinematics) |
 //! | [`outermost_points`](fn@outermost_points) | what of the skin could cross a floor |
+//! | [`skin`] | `precompute` and `solve` of [`CharacterSkin`](skin::CharacterSkin): linear, dual quaternion, or stretching and twisting |
 //! | [`rigging`] | [`fit`](rigging::fit) a template's skeleton into a mesh |
 //! | [`own`] | [`human`](own::human), [`spider`](own::spider), [`hand`](own::hand) |
 //!
@@ -55,8 +56,11 @@ mod outermost_points;
 pub mod own;
 mod progress;
 pub mod rigging;
+pub mod skin;
+mod skin_kind;
 pub mod volume;
 
 pub use character::{Character, HeatRecord, MonotoneRecord, Provenance, SolvedRecord, Surface, WeightsRecord};
 pub use outermost_points::outermost_points;
 pub use progress::Progress;
+pub use skin_kind::{EndpointMethod, Endpoints, SkinKind};

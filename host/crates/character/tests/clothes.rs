@@ -134,7 +134,7 @@ fn posed(character: &Character, turns: &[(&str, Quat)]) -> Vec<[f32; 3]> {
     let mut world = vec![Affine3A::IDENTITY; skeleton.len()];
     pose.forward_kinematics(skeleton, &mut world);
     let (mut positions, mut normals) = (character.rest_positions(), character.surface.normals.clone());
-    character.skin().unwrap().solve(&world, &mut positions, &mut normals).unwrap();
+    character.linear_skin().unwrap().solve(&world, &mut positions, &mut normals).unwrap();
     positions
 }
 

@@ -143,7 +143,7 @@ fn a_posed_mesh_has_the_posed_skeleton() {
     bend("LeftLowerLeg", Vec3::X, 60.0);
     let mut model_from_bone = vec![Affine3A::IDENTITY; character.skeleton.len()];
     pose.forward_kinematics(&character.skeleton, &mut model_from_bone);
-    let mut skin = character.skin().unwrap();
+    let mut skin = character.linear_skin().unwrap();
     let mut positions = vec![[0.0; 3]; character.surface.mesh.vertices.len()];
     let mut normals = positions.clone();
     skin.solve(&model_from_bone, &mut positions, &mut normals).unwrap();

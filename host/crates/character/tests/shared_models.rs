@@ -41,7 +41,7 @@ fn a_rigged_fox_keeps_its_rig_and_texture() {
     assert_eq!(character.surface.mesh.vertices.len(), vertices);
     assert!(character.materials[0].base_color_map.is_some() && character.surface.texture_coordinates.is_some());
     // In the rest pose the skin is where the mesh is.
-    let mut skin = character.skin().unwrap();
+    let mut skin = character.linear_skin().unwrap();
     let mut positions = vec![[0.0; 3]; vertices];
     let mut normals = positions.clone();
     skin.solve(&character.skeleton.rest_model_from_bone(), &mut positions, &mut normals).unwrap();

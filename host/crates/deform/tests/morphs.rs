@@ -1,8 +1,11 @@
 //! Morph targets before skinning: the formula, the rest shape bit for bit, and what does not fit.
 
-use armature_deform::skin::{DualQuaternionSkin, LinearBlendSkin, MorphOffsets, Morphs, SkinError};
+use armature_deform::skin::{
+    BoneBlend, BoneSegment, DualQuaternionSkin, LinearBlendSkin, MorphOffsets, Morphs, SkinError, StretchTwist,
+    StretchTwistSkin,
+};
 use armature_geometry::Influences;
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Quat, Vec3};
 
 const COUNT: usize = 37;
 
@@ -62,6 +65,18 @@ fn shapes_are_blended_before_bones_move_them() {
     let moved = rest.map(|frame| Affine3A::from_translation(Vec3::Y) * frame);
     let mut linear = LinearBlendSkin::precompute(&face.positions, &face.normals, &influences, &rest).unwrap();
     let mut dual = DualQuaternionSkin::precompute(&face.positions, &face.normals, &influences, &rest).unwrap();
+    let segments = rest.map(|frame| BoneSegment { start: frame.translation.into(), end: Vec3::Z });
+    let (ends, blend) = (vec![0.5; 2 * COUNT], BoneBlend::Linear);
+    let mut stretched =
+        StretchTwistSkin::precompute(&face.positions, &face.normals, &influences, &ends, &segments, blend).unwrap();
+    // Twice as long: at the middle of a bone, half of its length is added along it.
+    let pose = segments.map(|segment| StretchTwist {
+        start: segment.start + Vec3::Y,
+        turn: Quat::IDENTITY,
+        stretch: 2.0,
+        twist: [0.0; 2],
+    });
+    let longer: Vec3 = segments.iter().zip([0.25, 0.75]).map(|(s, w)| (s.end - s.start) * (0.5 * w)).sum();
     let plain = {
         let mut posed = (face.positions.clone(), face.normals.clone());
         linear.solve(&moved, &mut posed.0, &mut posed.1).unwrap();
@@ -72,12 +87,17 @@ fn shapes_are_blended_before_bones_move_them() {
         assert!(morphs.solve(&weights).unwrap());
         linear.set_rest(&morphs).unwrap();
         dual.set_rest(&morphs).unwrap();
+        stretched.set_rest(&morphs).unwrap();
         let expected = face.blended(&weights);
         let mut posed = (face.positions.clone(), face.normals.clone());
         linear.solve(&moved, &mut posed.0, &mut posed.1).unwrap();
         let mut by_dual = posed.clone();
         dual.solve(&moved, &mut by_dual.0, &mut by_dual.1).unwrap();
+        let mut by_stretch = posed.clone();
+        stretched.solve(&pose, &mut by_stretch.0, &mut by_stretch.1).unwrap();
         for vertex in 0..COUNT {
+            let back = Vec3::from(by_stretch.0[vertex]) - longer;
+            assert!(back.distance(posed.0[vertex].into()) < 2e-6, "vertex {vertex}");
             for (c, up) in [0.0, 1.0, 0.0].into_iter().enumerate() {
                 for got in [posed.0[vertex][c], by_dual.0[vertex][c]] {
                     assert!((f64::from(got) - expected[vertex][c] - up).abs() < 2e-6, "vertex {vertex}");

@@ -5,7 +5,7 @@ mod recognised;
 
 use std::path::Path;
 
-use armature_character::Character;
+use armature_character::{Character, SkinKind};
 use armature_rig::{GroundMode, Mapping, Motion, PartUid, ShapeDrive, Skeleton, TargetChange};
 use armature_take::{ClockFault, Record, Summary, Take};
 use serde_json::{Value, json};
@@ -98,9 +98,12 @@ fn inspect_character(path: &Path) -> Result<Findings, Failure> {
     if !shapes.is_empty() {
         words.push(format!("{}: {}", counted(shapes.len(), "shape", "shapes"), shapes.join(", ")));
     }
+    let skin = found.character.character().map(|bound| bound.skin);
+    words.extend(skin.map(|kind| format!("skin {kind}")));
     words.extend(found.warnings.iter().map(|w| format!("note: {w}")));
     let value = json!({
         "kind": "character", "name": found.character.name, "vertices": vertices, "shapes": shapes, "skeleton": skeleton,
+        "skin": skin.map(SkinKind::name),
     });
     Ok((words, value))
 }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use armature_character::{Character, Provenance, Surface};
+use armature_character::{Character, Provenance, SkinKind, Surface};
 use armature_device::{DeviceInfo, Event, PartKind, PartUid, Sample, SensorState, SessionCounters, Topology};
 use armature_geometry::{Influences, TriangleMesh};
 use armature_rig::{Bone, Skeleton, Transform};
@@ -213,6 +213,7 @@ pub(super) fn rope(bones: usize) -> Arc<LoadedCharacter> {
         normals: vec![[0.0, 0.0, 1.0]; mesh.vertices.len()],
         texture_coordinates: None,
         vertex_colors: None,
+        endpoints: None,
         influences,
         parts: vec![Surface::one_part(&mesh)],
         morph_targets: Vec::new(),
@@ -225,6 +226,7 @@ pub(super) fn rope(bones: usize) -> Arc<LoadedCharacter> {
         skeleton: Skeleton::new((0..bones).map(bone).collect()).unwrap(),
         skins: Vec::new(),
         avatar: None,
+        skin: SkinKind::Linear,
         provenance: Provenance::Artist,
         warnings: Vec::new(),
     };

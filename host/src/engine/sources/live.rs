@@ -19,6 +19,7 @@ use super::loading::Loads;
 use super::second_process::SimulatedPuppet;
 use super::simulated::{self, SimulatedArgs};
 use super::working::Works;
+use crate::characters::skin::SkinArgs;
 use crate::descriptors;
 use crate::engine::command::Command;
 use crate::engine::event::{FoundDevice, Problem};
@@ -40,6 +41,8 @@ pub struct LiveSettings {
     /// Whether Ctrl-C, once a line is open, makes the engine quit instead of ending the program. A second one ends the
     /// program at once.
     pub catches_interrupt: bool,
+    /// How the skins of characters that are loaded follow their bones; `None` as their files say.
+    pub skin: SkinArgs,
 }
 
 /// Puppets on real lines. A simulated one runs in a second process, which ends with its line.
@@ -147,7 +150,9 @@ impl Source for LiveSource {
                 self.wish(line, Wish::Close);
                 self.opener.lines.lock().unwrap_or_else(PoisonError::into_inner).open.remove(&line);
             }
-            Request::Load { load, source } => self.loads.begin(load, source, self.opener.inbox.clone()),
+            Request::Load { load, source } => {
+                self.loads.begin(load, source, self.opener.settings.skin, self.opener.inbox.clone());
+            }
             Request::CancelLoad(load) => self.loads.cancel(load),
             Request::Work { work, order } => self.works.begin(work, order, self.opener.inbox.clone()),
             Request::CancelWork(work) => self.works.cancel(work),

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::characters;
+use crate::characters::skin::SkinArgs;
 use crate::engine::inbox::InboxSender;
 use crate::engine::input::{Input, LoadId, LoadNews};
 
@@ -20,14 +21,14 @@ pub(super) struct Loads {
 
 impl Loads {
     /// Loads a character; its progress and result go into the inbox.
-    pub(super) fn begin(&mut self, load: LoadId, source: String, inbox: InboxSender) {
+    pub(super) fn begin(&mut self, load: LoadId, source: String, skin: SkinArgs, inbox: InboxSender) {
         // A thread that is done no longer holds its flag.
         self.cancels.retain(|(_, cancel)| Arc::strong_count(cancel) > 1);
         let cancel = Arc::new(AtomicBool::new(false));
         self.cancels.push((load, cancel.clone()));
         std::thread::spawn(move || {
             let mut reported: Option<(String, Instant)> = None;
-            let news = find(&source, &mut |stage, done| {
+            let news = find(&source, skin, &mut |stage, done| {
                 let is_news = |(before, at): &(String, Instant)| *before != stage || at.elapsed() >= REPORT_EVERY;
                 if reported.as_ref().is_none_or(is_news) {
                     reported = Some((stage.clone(), Instant::now()));
@@ -49,7 +50,12 @@ impl Loads {
 }
 
 /// Makes or reads a character.
-pub(super) fn find(source: &str, progress: &mut dyn FnMut(String, f64) -> ControlFlow<()>) -> LoadNews {
+pub(super) fn find(source: &str, skin: SkinArgs, progress: &mut dyn FnMut(String, f64) -> ControlFlow<()>) -> LoadNews {
     let found = characters::find(source, &mut |stage, done| progress(stage.to_string(), done));
+    // What is opened in the window may have no mesh; its bones are shown.
+    let found = found.and_then(|found| match found.character.shape {
+        Some(_) => skin.apply(found, &mut |stage, done| progress(stage.to_string(), done)),
+        None => Ok(found),
+    });
     LoadNews::Over(found.map(|found| (Arc::new(found.character), found.warnings)))
 }

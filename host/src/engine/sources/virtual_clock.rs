@@ -11,6 +11,7 @@ use armature_sim::serve::hints_of;
 
 use super::simulated::{self, SimulatedArgs};
 use super::{Source, loading, working};
+use crate::characters::skin::SkinArgs;
 use crate::engine::input::{Input, LineId, LineNews, OpenLine, Request};
 use crate::failure::Failure;
 
@@ -144,7 +145,7 @@ impl Source for VirtualSource {
                 self.inputs.push_back(self.news(line, LineNews::Closed));
             }
             Request::Load { load, source } => {
-                let news = loading::find(&source, &mut |_, _| ControlFlow::Continue(()));
+                let news = loading::find(&source, SkinArgs::default(), &mut |_, _| ControlFlow::Continue(()));
                 self.inputs.push_back(Input::Loaded { load, news });
             }
             Request::Work { work, order } => {

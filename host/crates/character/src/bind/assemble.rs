@@ -7,6 +7,7 @@ use armature_geometry::surface::{NormalWeighting, vertex_normals};
 
 use super::error::BindError;
 use crate::character::{Character, Provenance, Surface};
+use crate::skin_kind::SkinKind;
 
 /// The default look of a model without materials: light grey clay.
 const PLAIN: [f32; 4] = [0.6, 0.58, 0.55, 1.0];
@@ -61,6 +62,7 @@ pub(super) fn assemble(model: Model, provenance: Provenance) -> Result<Character
             texture_coordinates: coordinates,
             vertex_colors: colors,
             influences,
+            endpoints: None,
             parts,
             morph_targets: model.morph_targets,
         }),
@@ -68,6 +70,7 @@ pub(super) fn assemble(model: Model, provenance: Provenance) -> Result<Character
         skeleton,
         skins,
         avatar: model.avatar,
+        skin: SkinKind::Linear,
         provenance,
         warnings,
     };

@@ -1,5 +1,7 @@
 //! From a model and a skeleton to a character that can be posed.
 
+use std::sync::Arc;
+
 use armature_formats::model::{Model, ModelRig};
 use armature_geometry::Influences;
 use armature_rig::Skeleton;
@@ -7,6 +9,7 @@ use armature_weights::finish::limit_influences;
 
 use super::assemble::assemble;
 use super::bone_weights::{BoneWeights, Rib, bone_weights};
+use super::endpoints::endpoint_weights;
 use super::error::BindError;
 use super::parts_without_weights::{bind_parts_without_weights, check_names, left_unbound, own_triangles, piece};
 use super::prepare::{check, drop_loose_vertices};
@@ -14,6 +17,9 @@ use super::settings::BindSettings;
 use super::smooth_influences::smooth_influences;
 use crate::character::{Character, Provenance};
 use crate::progress::Progress;
+
+/// The share of the time that the bones' own weights take where endpoint weights follow.
+const WEIGHTS_SHARE: f64 = 0.6;
 
 /// Binds a model.
 ///
@@ -34,6 +40,27 @@ pub fn bind(
 
 /// [`bind`], with ribs.
 pub(crate) fn bind_with_ribs(
+    model: Model,
+    skeleton: Option<Skeleton>,
+    ribs: &[Rib],
+    settings: &BindSettings,
+    progress: Progress<'_>,
+) -> Result<Character, BindError> {
+    if !settings.skin.stretches() {
+        let character = bind_rigidly(model, skeleton, ribs, settings, progress)?;
+        return Ok(Character { skin: settings.skin, ..character });
+    }
+    let mut first = |stage: &'static str, done: f64| progress(stage, WEIGHTS_SHARE * done);
+    let mut character = bind_rigidly(model, skeleton, ribs, settings, &mut first)?;
+    let mut second = |stage: &'static str, done: f64| progress(stage, WEIGHTS_SHARE + (1.0 - WEIGHTS_SHARE) * done);
+    let (endpoints, warnings) = endpoint_weights(&character, settings, &mut second)?;
+    Arc::make_mut(&mut character.surface).endpoints = Some(endpoints);
+    character.warnings.extend(warnings);
+    Ok(Character { skin: settings.skin, ..character })
+}
+
+/// Everything but how the skin stretches and twists.
+fn bind_rigidly(
     model: Model,
     skeleton: Option<Skeleton>,
     ribs: &[Rib],

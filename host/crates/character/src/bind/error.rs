@@ -1,5 +1,6 @@
 //! Why a model was not bound.
 
+use armature_deform::skin::SkinError;
 use armature_formats::model::PartError;
 use armature_geometry::{InfluencesError, MeshError};
 use armature_rig::SkeletonError;
@@ -65,6 +66,17 @@ pub enum BindError {
         /// Those there are.
         names: Vec<String>,
     },
+    /// A twist curve is for a bone that the skeleton does not have.
+    #[error("the skeleton has no bone {name:?}{}", among(names))]
+    NoSuchBone {
+        /// The name.
+        name: String,
+        /// Those there are.
+        names: Vec<String>,
+    },
+    /// The skin is not usable.
+    #[error(transparent)]
+    Skin(#[from] SkinError),
     /// Every part is to take its weights from the others.
     #[error("no part is left to take weights from")]
     NothingToTransfer,

@@ -23,6 +23,7 @@
 mod assemble;
 mod binding;
 mod bone_weights;
+mod endpoints;
 mod error;
 mod misfit;
 mod parts_without_weights;
@@ -32,6 +33,7 @@ mod smooth_influences;
 
 pub use binding::bind;
 pub(crate) use binding::bind_with_ribs;
+pub use endpoints::endpoint_weights;
 pub use error::BindError;
 pub use misfit::Misfit;
-pub use settings::{BindMethod, BindSettings, MOST_INFLUENCES, WEIGHT_VOLUME_VERTICES};
+pub use settings::{BindMethod, BindSettings, MOST_INFLUENCES, TwistCurve, WEIGHT_VOLUME_VERTICES};

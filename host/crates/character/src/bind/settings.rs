@@ -1,9 +1,11 @@
 //! How to bind.
 
+use armature_weights::endpoints::SplineFilter;
 use armature_weights::handles::FREE_NEAR_JOINTS;
 use armature_weights::heat::BoneHeatSettings;
 
 use crate::handle_weights::{BiharmonicTier, WeightsOn};
+use crate::skin_kind::{EndpointMethod, SkinKind};
 
 /// Approximate number of vertices of the volume that weights are computed on by default: on the armadillo, the elephant
 /// and the hand, weights with twice as many are no closer to those with four times as many
@@ -25,6 +27,15 @@ pub enum BindMethod {
     },
     /// Bone heat on the surface.
     BoneHeat,
+}
+
+/// How much of a bone's twist and stretch has happened by each place along it (thesis figure 6.9).
+#[derive(Clone, Debug, PartialEq)]
+pub struct TwistCurve {
+    /// The bone's name.
+    pub bone: String,
+    /// From places to shares of the whole, both 0 to 1.
+    pub curve: SplineFilter,
 }
 
 /// How to bind.
@@ -52,6 +63,13 @@ pub struct BindSettings {
     pub smooth_weights: Option<f64>,
     /// Settings of the bone heat method.
     pub heat: BoneHeatSettings,
+    /// How the skin follows the bones; endpoint weights are computed if it needs them.
+    pub skin: SkinKind,
+    /// How endpoint weights are computed; `None` as the bones' weights are, and as bounded biharmonic weights for those
+    /// of an artist.
+    pub endpoints: Option<EndpointMethod>,
+    /// Where along bones their twist and stretch happens; evenly for all others.
+    pub twist_curves: Vec<TwistCurve>,
 }
 
 impl Default for BindSettings {
@@ -68,6 +86,9 @@ impl Default for BindSettings {
             joint_release: FREE_NEAR_JOINTS,
             smooth_weights: None,
             heat: BoneHeatSettings::default(),
+            skin: SkinKind::Linear,
+            endpoints: None,
+            twist_curves: Vec::new(),
         }
     }
 }

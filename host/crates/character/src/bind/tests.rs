@@ -85,7 +85,7 @@ fn assert_split(character: &Character) {
         }
     }
     assert!(character.surface.normals.iter().all(|n| (Vec3::from(*n).length() - 1.0).abs() < 1e-5));
-    assert!(character.skin().is_ok());
+    assert!(character.linear_skin().is_ok());
 }
 
 #[test]

@@ -8,7 +8,9 @@ use armature_formats::model::Material;
 use super::file::{Layout, laid_out};
 use super::parts::{drop_wraps, has_wraps};
 use super::provenance::write_old_provenance;
+use super::skin::has_skin;
 use crate::character::{Character, Surface};
+use crate::skin_kind::SkinKind;
 
 /// The layout of files whose bytes are hashed, for all that it can hold.
 const LAYOUT: u32 = 3;
@@ -17,7 +19,18 @@ const LAYOUT: u32 = 3;
 /// laid down.
 pub fn content_hash(character: &Character) -> [u8; 32] {
     let how = Layout { single_mesh: LAYOUT, write_provenance: write_old_provenance };
-    content_hash_of(&laid_out(&as_once_known(character), how))
+    content_hash_of(&laid_out(&as_once_known(&without_skin(character)), how))
+}
+
+/// A character that follows its bones linearly: takes move the bones, and how the skin follows is no part of them.
+fn without_skin(character: &Character) -> Cow<'_, Character> {
+    if !has_skin(character) {
+        return Cow::Borrowed(character);
+    }
+    let mut known = character.clone();
+    known.skin = SkinKind::Linear;
+    Arc::make_mut(&mut known.surface).endpoints = None;
+    Cow::Owned(known)
 }
 
 /// A character of one mesh without what materials and vertices were given later.
@@ -79,6 +92,9 @@ mod tests {
         character.materials[0].name = "skin".to_owned();
         let vertices = character.surface.mesh.vertices.len();
         Arc::make_mut(&mut character.surface).vertex_colors = Some(vec![[0.5; 4]; vertices]);
+        character.skin = SkinKind::StretchTwist;
+        let endpoints = crate::skin::projected_endpoints(&character).unwrap();
+        Arc::make_mut(&mut character.surface).endpoints = Some(endpoints);
         assert_eq!(content_hash(&character), hash);
         character.materials[0].base_color = Some([0.5; 4]);
         assert_ne!(content_hash(&character), hash);

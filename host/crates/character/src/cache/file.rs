@@ -20,13 +20,15 @@ use super::bytes::{Reader, Writer};
 use super::error::CacheError;
 use super::format::{
     AVATAR_VERSION, COLORS_VERSION, FORMAT_VERSION, HEADER, MAGIC, MONOTONE_VERSION, OLDEST_VERSION,
-    SINGLE_MESH_VERSION,
+    SINGLE_MESH_VERSION, SKIN_VERSION,
 };
 use super::parts::{
     has_wraps, read_colors, read_image, read_parts, read_wraps, write_colors, write_parts, write_wraps,
 };
 use super::provenance::{read_provenance, write_provenance};
+use super::skin::{has_skin, read_skin, write_skin};
 use crate::character::{Character, Provenance, Surface, WeightsRecord};
+use crate::skin_kind::SkinKind;
 
 /// Writes a character, in the older layout if that can represent all of it.
 pub fn to_bytes(character: &Character) -> Vec<u8> {
@@ -44,9 +46,11 @@ pub(super) struct Layout {
 /// A character's bytes in a layout for a single mesh, or in the oldest that can represent all of it if there is more.
 pub(super) fn laid_out(character: &Character, how: Layout) -> Vec<u8> {
     let is_monotone = matches!(character.provenance.record(), Some(WeightsRecord::Monotone(_)));
-    let is_single = !is_monotone && is_single_mesh(character);
+    let has_skin = has_skin(character);
+    let is_single = !is_monotone && !has_skin && is_single_mesh(character);
     let is_known_better = has_wraps(&character.materials) || character.avatar.is_some();
     let version = match (is_single, is_known_better, is_monotone) {
+        _ if has_skin => SKIN_VERSION,
         (true, ..) => how.single_mesh,
         (false, true, _) => AVATAR_VERSION,
         (false, false, true) => MONOTONE_VERSION,
@@ -60,6 +64,9 @@ pub(super) fn laid_out(character: &Character, how: Layout) -> Vec<u8> {
         if version >= AVATAR_VERSION {
             write_wraps(&mut body, &character.materials);
             write_avatar(&mut body, character.avatar.as_ref());
+        }
+        if version >= SKIN_VERSION {
+            write_skin(&mut body, character);
         }
     }
     let mut out = Vec::with_capacity(HEADER + body.0.len());
@@ -120,6 +127,9 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Character, CacheError> {
         read_wraps(&mut reader, &mut character.materials)?;
         character.avatar = read_avatar(&mut reader, &character)?;
     }
+    if found >= SKIN_VERSION {
+        read_skin(&mut reader, &mut character)?;
+    }
     if reader.left() > 0 {
         return Err(reader.bad(format!("{} bytes too many", reader.left())));
     }
@@ -130,10 +140,19 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Character, CacheError> {
 fn write_body(w: &mut Writer, character: &Character, write_provenance: fn(&mut Writer, &Provenance)) {
     // Destructured, so that a new field cannot be forgotten: parts, morph targets, skins and the rest of the materials
     // are written by `write_parts`,
-    // `write_colors` and `write_wraps`, the avatar by `write_avatar`.
-    let Character { name, surface, materials, skeleton, skins: _, avatar: _, provenance, warnings } = character;
-    let Surface { mesh, normals, texture_coordinates, vertex_colors: _, influences, parts: _, morph_targets: _ } =
-        &**surface;
+    // `write_colors` and `write_wraps`, the avatar by `write_avatar`, the kind of skin and endpoint weights by `write_skin`.
+    let Character { name, surface, materials, skeleton, skins: _, avatar: _, skin: _, provenance, warnings } =
+        character;
+    let Surface {
+        mesh,
+        normals,
+        texture_coordinates,
+        vertex_colors: _,
+        influences,
+        endpoints: _,
+        parts: _,
+        morph_targets: _,
+    } = &**surface;
     let first = materials.first();
     w.bytes(name.as_bytes());
     w.list(&mesh.vertices, |w, p| p.iter().for_each(|&c| w.f64(c)));
@@ -195,6 +214,7 @@ fn read_body(r: &mut Reader) -> Result<Character, CacheError> {
             texture_coordinates,
             vertex_colors: None,
             influences,
+            endpoints: None,
             parts,
             morph_targets: Vec::new(),
         }),
@@ -202,6 +222,7 @@ fn read_body(r: &mut Reader) -> Result<Character, CacheError> {
         skeleton,
         skins: Vec::new(),
         avatar: None,
+        skin: SkinKind::Linear,
         provenance,
         warnings,
     })

@@ -5,8 +5,9 @@ use std::fmt;
 use armature_weights::heat::Visibility;
 
 use super::format::BINDING_VERSION;
-use crate::bind::{BindMethod, BindSettings};
+use crate::bind::{BindMethod, BindSettings, TwistCurve};
 use crate::handle_weights::{BiharmonicTier, WeightsOn};
+use crate::skin_kind::SkinKind;
 
 /// Monotone weights of each order have a number of their own, after those of all other methods.
 const FIRST_MONOTONE: u8 = 0x10;
@@ -51,6 +52,9 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
         joint_release,
         smooth_weights,
         heat,
+        skin,
+        endpoints,
+        twist_curves,
     } = settings;
     let armature_weights::heat::BoneHeatSettings { heat, tie_ratio, weld_ratio, visibility } = heat;
     let visibility = match visibility {
@@ -91,12 +95,31 @@ pub fn cache_key(files: &[&[u8]], settings: &BindSettings) -> CacheKey {
         hasher.update(b"smoothed");
         hasher.update(&least.to_le_bytes());
     }
+    if *skin != SkinKind::Linear {
+        hasher.update(b"skin");
+        hasher.update(skin.name().as_bytes());
+    }
+    if let Some(method) = endpoints {
+        hasher.update(b"endpoints");
+        hasher.update(method.name().as_bytes());
+    }
+    for TwistCurve { bone, curve } in twist_curves {
+        hasher.update(b"twist curve");
+        hasher.update(&(bone.len() as u64).to_le_bytes());
+        hasher.update(bone.as_bytes());
+        for number in curve.points().as_flattened() {
+            hasher.update(&number.to_le_bytes());
+        }
+    }
     CacheKey(*hasher.finalize().as_bytes())
 }
 
 #[cfg(test)]
 mod tests {
+    use armature_weights::endpoints::SplineFilter;
+
     use super::*;
+    use crate::skin_kind::EndpointMethod;
 
     #[test]
     fn every_input_changes_the_key() {
@@ -126,6 +149,18 @@ mod tests {
             cache_key(&[b"mesh", b"bones"], &BindSettings { on: WeightsOn::Surface, ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { smooth_weights: Some(0.1), ..plain.clone() }),
             cache_key(&[b"mesh", b"bones"], &BindSettings { joint_release: 0.0, ..plain.clone() }),
+            cache_key(&[b"mesh", b"bones"], &BindSettings { skin: SkinKind::DualQuaternion, ..plain.clone() }),
+            cache_key(
+                &[b"mesh", b"bones"],
+                &BindSettings { endpoints: Some(EndpointMethod::Projection), ..plain.clone() },
+            ),
+            cache_key(
+                &[b"mesh", b"bones"],
+                &BindSettings {
+                    twist_curves: vec![TwistCurve { bone: "spine".into(), curve: SplineFilter::through(&[]).unwrap() }],
+                    ..plain.clone()
+                },
+            ),
             cache_key(&[b"mesh", b"bones"], &BindSettings { on: WeightsOn::Volume { vertices: 500 }, ..plain.clone() }),
         ];
         let distinct: std::collections::BTreeSet<_> = keys.iter().map(ToString::to_string).collect();

@@ -18,6 +18,7 @@ mod format;
 mod key;
 mod parts;
 mod provenance;
+mod skin;
 
 pub use content_hash::{content_hash, content_hash_of};
 pub use error::CacheError;

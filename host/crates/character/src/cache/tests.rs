@@ -8,6 +8,7 @@ use super::*;
 use crate::cache::content_hash;
 use crate::character::{HeatRecord, MonotoneRecord, Provenance, SolvedRecord, WeightsRecord};
 use crate::handle_weights::{BiharmonicTier, DomainKind};
+use crate::skin_kind::{EndpointMethod, Endpoints};
 
 fn small() -> Character {
     let vertices = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0, 1.0, 0.2], [0.3, 0.3, 1.0]];
@@ -28,6 +29,7 @@ fn small() -> Character {
             texture_coordinates: Some(vec![[0.25, 0.5]; 4]),
             vertex_colors: None,
             influences: Influences::new(3, vec![0, 1, 2, 2, 0, 0, 0, 1, 0, 2, 1, 0], weights, 3).unwrap(),
+            endpoints: None,
             parts: vec![Surface::one_part(&mesh)],
             morph_targets: Vec::new(),
             mesh,
@@ -40,6 +42,7 @@ fn small() -> Character {
         skeleton: Skeleton::new(vec![bone("a", None, 0.0), bone("b", Some(0), 0.5), bone("c", Some(1), 0.5)]).unwrap(),
         skins: Vec::new(),
         avatar: None,
+        skin: SkinKind::Linear,
         provenance: Provenance::Computed(WeightsRecord::Biharmonic(SolvedRecord {
             tier: BiharmonicTier::Certified,
             domain: DomainKind::Surface,
@@ -136,7 +139,7 @@ fn parts_materials_skins_and_morph_targets_come_back_and_images_stay_shared() {
     assert_eq!(to_bytes(&again), bytes);
     let maps = [&again.materials[0].base_color_map, &again.materials[1].normal_map].map(|map| map.as_ref().unwrap());
     assert!(Arc::ptr_eq(maps[0], maps[1]), "one image, not two");
-    assert!(again.skin().unwrap().bone_count() == 3);
+    assert!(again.linear_skin().unwrap().bone_count() == 3);
 }
 
 #[test]
@@ -243,7 +246,7 @@ fn files_of_older_programs_hold_what_they_held() {
         let [old, character] = [third, fourth].map(|bytes| from_bytes(bytes).unwrap());
         assert_eq!(old, character);
         assert_eq!(to_bytes(&old), fourth, "to the last byte");
-        assert!(character.skin().is_ok());
+        assert!(character.linear_skin().is_ok());
 
         let Character { surface, materials, skeleton, skins, .. } = &character;
         assert_eq!((materials.len(), materials[0].base_color), (1, Some([0.25, 0.5, 1.0, 0.5])));
@@ -294,12 +297,38 @@ fn monotone_weights_have_a_layout_that_older_programs_refuse() {
 }
 
 #[test]
+fn how_a_skin_follows_comes_back() {
+    for mut character in [small(), rich()] {
+        for kind in SkinKind::ALL {
+            character.skin = kind;
+            let bytes = to_bytes(&character);
+            assert_eq!(bytes[8] == 9, kind != SkinKind::Linear);
+            assert_eq!(from_bytes(&bytes), Ok(character.clone()));
+        }
+        let weights = vec![0.25; character.surface.influences.bones().len()];
+        let endpoints = Endpoints { method: EndpointMethod::BoneHeat, weights };
+        Arc::make_mut(&mut character.surface).endpoints = Some(endpoints.clone());
+        let bytes = to_bytes(&character);
+        assert_eq!(from_bytes(&bytes), Ok(character.clone()));
+        truncations_are_errors(&bytes);
+        for wrong in [1.5, -0.25] {
+            let mut weights = endpoints.weights.clone();
+            weights[0] = wrong;
+            let wrong = Endpoints { weights, ..endpoints.clone() };
+            Arc::make_mut(&mut character.surface).endpoints = Some(wrong);
+            let error = from_bytes(&to_bytes(&character)).unwrap_err().to_string();
+            assert!(error.contains("endpoint weight"), "{error}");
+        }
+    }
+}
+
+#[test]
 fn other_files_and_other_versions_are_named() {
     assert_eq!(from_bytes(b""), Err(CacheError::NotACharacter));
     assert_eq!(from_bytes(b"solid cube, or some other text"), Err(CacheError::NotACharacter));
     let mut bytes = to_bytes(&small());
-    bytes[8] = 9;
-    assert_eq!(from_bytes(&bytes), Err(CacheError::Version { found: 9 }));
+    bytes[8] = 10;
+    assert_eq!(from_bytes(&bytes), Err(CacheError::Version { found: 10 }));
 }
 
 #[test]

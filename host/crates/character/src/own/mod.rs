@@ -24,8 +24,10 @@ use armature_formats::model::{Material, Model};
 use armature_rig::{Skeleton, SkeletonError};
 use glam::DVec3;
 
-use crate::bind::{BindError, BindMethod, BindSettings, bind_with_ribs};
+use crate::bind::{BindError, BindMethod, BindSettings, bind_with_ribs, endpoint_weights};
 use crate::character::{Character, Provenance};
+use crate::progress::Progress;
+use crate::skin_kind::SkinKind;
 
 use field::Field;
 use figure::{Detail, figure};
@@ -44,6 +46,15 @@ pub fn spider() -> Result<Character, BindError> {
 /// A left hand with a stub of a forearm, 1 unit tall: fingers up, palm towards +Z.
 pub fn hand() -> Result<Character, BindError> {
     make("hand", &hand::field(), hand::DETAIL, hand::skeleton(), &hand::ribs(), [0.62, 0.40, 0.27, 1.0])
+}
+
+/// The same character with a skin that twists along its limbs. Computes how far along its bones each vertex is, from
+/// bounded biharmonic weights of the joints (thesis eq. 6.7).
+pub fn twisting(character: Character, progress: Progress<'_>) -> Result<Character, BindError> {
+    let (endpoints, _) = endpoint_weights(&character, &BindSettings::default(), progress)?;
+    let mut twisting = Character { skin: SkinKind::StretchTwist, ..character };
+    Arc::make_mut(&mut twisting.surface).endpoints = Some(endpoints);
+    Ok(twisting)
 }
 
 /// The bones of [`spider`].

@@ -55,6 +55,23 @@ impl Block {
     }
 }
 
+/// Gives the vertices that morph targets move their blended positions and normals.
+pub(super) fn set_rest<B: AsMut<Block>>(
+    blocks: &mut [B],
+    vertex_count: usize,
+    morphs: &Morphs,
+) -> Result<(), SkinError> {
+    expect_length("vertices of the morph targets", morphs.vertex_count(), vertex_count)?;
+    for (vertex, position, normal) in morphs.moved() {
+        let (block, lane) = (blocks[vertex / LANES].as_mut(), vertex % LANES);
+        for axis in 0..3 {
+            block.position[axis][lane] = position[axis];
+            block.normal[axis][lane] = normal[axis];
+        }
+    }
+    Ok(())
+}
+
 impl SkinBlocks {
     /// Takes what [`RestFrames::new`](super::RestFrames::new) has checked.
     pub(super) fn new(rest_positions: &[[f32; 3]], rest_normals: &[[f32; 3]], influences: &Influences) -> Self {
@@ -97,15 +114,7 @@ impl SkinBlocks {
 
     /// Gives the vertices that morph targets move their blended positions and normals.
     pub(super) fn set_rest(&mut self, morphs: &Morphs) -> Result<(), SkinError> {
-        expect_length("vertices of the morph targets", morphs.vertex_count(), self.vertex_count)?;
-        for (vertex, position, normal) in morphs.moved() {
-            let (block, lane) = (&mut self.blocks[vertex / LANES], vertex % LANES);
-            for axis in 0..3 {
-                block.position[axis][lane] = position[axis];
-                block.normal[axis][lane] = normal[axis];
-            }
-        }
-        Ok(())
+        set_rest(&mut self.blocks, self.vertex_count, morphs)
     }
 
     /// Checks that there is space for every vertex's position and normal.
@@ -161,6 +170,12 @@ impl<E: Eight> MovesEight<E> for [E; 8] {
 impl AsRef<Block> for Block {
     #[inline(always)]
     fn as_ref(&self) -> &Block {
+        self
+    }
+}
+
+impl AsMut<Block> for Block {
+    fn as_mut(&mut self) -> &mut Block {
         self
     }
 }

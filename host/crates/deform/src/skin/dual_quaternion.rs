@@ -8,6 +8,7 @@ use armature_geometry::Influences;
 use glam::Affine3A;
 
 use super::blocks::{Blend, Block, Layer, Pivots, made_unit};
+use super::bones::BoneBinding;
 use super::error::SkinError;
 use super::frame_skin::{FrameSkin, RestSkin, solve_frames};
 use super::morphs::Morphs;
@@ -37,10 +38,24 @@ impl DualQuaternionSkin {
         influences: &Influences,
         rest_model_from_bone: &[Affine3A],
     ) -> Result<Self, SkinError> {
-        let rest = RestSkin::new(rest_positions, rest_normals, influences, rest_model_from_bone)?;
+        Ok(Self::of(RestSkin::new(rest_positions, rest_normals, influences, rest_model_from_bone)?))
+    }
+
+    /// The same for vertices bound in several poses: `influences` refer to `bindings`, which refer to bones.
+    pub fn precompute_bound(
+        rest_positions: &[[f32; 3]],
+        rest_normals: &[[f32; 3]],
+        influences: &Influences,
+        bindings: &[BoneBinding],
+        bone_count: usize,
+    ) -> Result<Self, SkinError> {
+        Ok(Self::of(RestSkin::bound(rest_positions, rest_normals, influences, bindings, bone_count)?))
+    }
+
+    fn of(rest: RestSkin) -> Self {
         let pivots = Pivots::new(&rest.blocks);
         let none = |count| vec![DualQuaternion([0.0; LANES]); count];
-        Ok(Self { model_from_rest: none(rest.frames.binding_count()), signed: none(pivots.pairs.len()), rest, pivots })
+        Self { model_from_rest: none(rest.frames.binding_count()), signed: none(pivots.pairs.len()), rest, pivots }
     }
 
     /// Moves the rest shape to where morph targets have it. Allocates nothing.

@@ -3,7 +3,7 @@
 //!
 //! - [`endpoint_weights`] computes them as bounded biharmonic weights;
 //! - [`joint_weights`] and [`endpoint_weights_from_joints`] derive them from weights of the joints;
-//! - [`projected_endpoint_weights`] needs no volume;
+//! - [`inverse_distance_weights`] of the joints and [`projected_endpoint_weights`] need no volume;
 //! - [`endpoint_weights_of_influences`] puts them in the order of a skin's influences;
 //! - [`SplineFilter`] controls where along a bone the twist happens.
 //!
@@ -20,12 +20,14 @@
 //! ```
 
 mod endpoint_weights;
+mod inverse_distance;
 mod joint_weights;
 mod projected;
 mod sampled_skeleton;
 mod spline_filter;
 
 pub use endpoint_weights::{EndpointWeights, OtherBones, endpoint_weights, endpoint_weights_of_influences};
+pub use inverse_distance::inverse_distance_weights;
 pub use joint_weights::{JointWeights, endpoint_weights_from_joints, joint_weights};
 pub use projected::{projected_endpoint_weight, projected_endpoint_weights};
 pub use sampled_skeleton::{EndpointError, SampledSkeleton};

@@ -40,6 +40,11 @@ impl SplineFilter {
         Ok(Self { slopes: slopes(&all), points: all })
     }
 
+    /// All of its points, `[place, value]`, the ends among them.
+    pub fn points(&self) -> &[[f64; 2]] {
+        &self.points
+    }
+
     /// The filtered weight; weights outside 0..=1 are clamped.
     pub fn at(&self, weight: f64) -> f64 {
         let weight = if weight.is_nan() { 0.0 } else { weight.clamp(0.0, 1.0) };

@@ -69,6 +69,12 @@ impl AsRef<Block> for TwistBlock {
     }
 }
 
+impl AsMut<Block> for TwistBlock {
+    fn as_mut(&mut self) -> &mut Block {
+        &mut self.block
+    }
+}
+
 impl TwistBlocks {
     pub(super) fn new(blocks: &SkinBlocks, influences: &Influences, end_weights: &[f32]) -> Self {
         let clamped: Vec<f32> = end_weights.iter().map(|e| e.clamp(0.0, 1.0)).collect();

@@ -11,11 +11,12 @@ use glam::Affine3A;
 use self::blocks::TwistBlocks;
 use self::dual::{OverDual, TwistDual};
 use self::linear::{OverLinear, TwistLinear};
-use super::blocks::{SkinBlocks, skin_blocks};
+use super::blocks::{SkinBlocks, set_rest, skin_blocks};
 use super::bones::{BoneSegment, RestSegments, StretchTwist};
 use super::dual_quaternion::DualQuaternionSkin;
 use super::error::{SkinError, expect_length};
 use super::linear_blend::LinearBlendSkin;
+use super::morphs::Morphs;
 
 /// How the bones' motions are blended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +78,12 @@ impl StretchTwistSkin {
             frames,
             bones,
         })
+    }
+
+    /// Moves the rest shape to where morph targets have it; its vertices stay where they are along their bones.
+    /// Allocates nothing.
+    pub fn set_rest(&mut self, morphs: &Morphs) -> Result<(), SkinError> {
+        set_rest(&mut self.blocks.blocks, self.bones.blocks().vertex_count, morphs)
     }
 
     /// Writes the posed positions and unit normals, n×3 each.
