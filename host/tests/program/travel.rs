@@ -173,6 +173,7 @@ fn motions_move_other_characters() {
     place.done(&["retarget", "human.take", "--character", "actor.bvh", "-o", "actor.bvh.take", "--fps", "25"]);
     place.fails(2, "xyz", &["retarget", walk, "--character", "human", "-o", "a.xyz"]);
     place.fails(2, "one motion", &["retarget", walk, "--character", "human", "--clip", "walk", "-o", "a.take"]);
+    place.fails(3, "go together", &["retarget", walk, "--character", "spider", "-o", "spider.take"]);
     if let Some(fox) = shared("Fox.glb") {
         let fox = fox.to_str().unwrap();
         let run = ["retarget", fox, "--character", fox, "--clip", "Run", "-o", "run.take"];

@@ -206,8 +206,10 @@ impl Plan {
         }
         let trunk = trunk(&pairs);
         let count = pairs.of_target.iter().flatten().count() + trunk.len();
-        if count < LEAST_PAIRS.min(target.len()) {
-            let (source_bones, target_bones) = (pairs.source.count(), pairs.target.count());
+        let (source_bones, target_bones) = (pairs.source.count(), pairs.target.count());
+        // A spider has two legs that are like a person's, but does not move like one.
+        let is_other = motion != character && 2 * count < source_bones.max(target_bones);
+        if is_other || count < LEAST_PAIRS.min(target.len()) {
             return Err(RetargetError::TooFewPairs { pairs: count, source_bones, target_bones });
         }
         let facing = facing(&pairs, &source_rest, &target_rest);
