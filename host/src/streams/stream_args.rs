@@ -11,11 +11,11 @@ use crate::failure::Failure;
 /// Live streams.
 #[derive(Clone, Debug, Args)]
 pub struct StreamArgs {
-    #[arg(long = "stream", value_name = "TARGET", conflicts_with = "virtual_clock", help = stream_help())]
+    #[arg(id = "streams", long = "stream", value_name = "TARGET", conflicts_with = "virtual_clock", help = stream_help())]
     #[expect(missing_docs, reason = "its help is put together from the kinds there are")]
     pub targets: Vec<StreamTarget>,
     /// Poses per second in each stream, at most
-    #[arg(long, value_name = "HERTZ", default_value_t = 60.0, requires = "targets", value_parser = stream_rate)]
+    #[arg(long, value_name = "HERTZ", default_value_t = 60.0, requires = "streams", value_parser = stream_rate)]
     pub stream_rate: f64,
 }
 
