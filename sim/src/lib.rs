@@ -45,7 +45,7 @@ pub mod servo;
 
 pub use body::{Body, BodyBuilder, BodyError, BodyPart};
 pub use faults::{ClockFault, ClockFaultKind, Faults, NoiseBurst, SensorFault, SensorFaultKind, Truth, Unplugging};
-pub use motion::{JointTrack, Motion, TrackEnd, sweep_stops};
+pub use motion::{Exercise, JointTrack, Motion, TrackEnd, sweep_stops};
 #[cfg(feature = "serve")]
 pub use motion::{MotionFileError, Retargeted, puppet_from_motion, retarget};
 pub use puppet::{Puppet, PuppetSettings, SettingsError};

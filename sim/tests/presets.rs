@@ -243,3 +243,31 @@ fn a_waving_hand_is_up() {
         assert!(at[0].y > 1.6 && at[0].y > at[1].y && at[2].y < 1.15, "{at:?}");
     }
 }
+
+#[test]
+fn exercises_look_like_what_they_are_called() {
+    use armature_sim::Exercise;
+    // Arms come down from the T-pose first.
+    const LEAD_MILLIS: u64 = 660;
+    let names = ["LeftFoot", "RightFoot", "LeftHand", "RightHand", "Head", "LeftLowerLeg", "LeftUpperLeg"];
+    let at = |exercise: Exercise, share: f64| {
+        let millis = LEAD_MILLIS + (share * exercise.seconds() * 1e3) as u64;
+        tails(Motion::Exercise(exercise), millis, &names)
+    };
+    for (name, exercise) in Exercise::ALL {
+        let start = at(exercise, 0.0);
+        assert!(start[0].y < 0.1 && start[2].y < 1.1 && start[3].y < 1.1, "{name} begins standing: {start:?}");
+    }
+    let squat = at(Exercise::Squat, 0.5);
+    assert!(squat[0].y > 0.3 && squat[1].y > 0.3, "feet come up to still hips: {squat:?}");
+    assert!((squat[5].z - 0.0).abs() < 0.12 && squat[6].z > 0.25, "ankles under the hips, knees forward: {squat:?}");
+    let sit = at(Exercise::Sit, 0.5);
+    assert!(sit[6].z > 0.35 && sit[0].y > 0.3, "thighs forward: {sit:?}");
+    let kick = at(Exercise::Kick, 0.55);
+    assert!(kick[0].z > 0.5 && kick[0].y > 0.4 && kick[1].y < 0.1, "one foot forward and up, one down: {kick:?}");
+    let reach = at(Exercise::Reach, 0.5);
+    assert!(reach[3].z > 0.6 && reach[4].z > 0.3, "a hand and the head far forward: {reach:?}");
+    let wheel = at(Exercise::Cartwheel, 0.5);
+    assert!(wheel[4].y < 0.5 && wheel[0].y > 1.2 && wheel[2].y < 0.2, "upside down on the hands: {wheel:?}");
+    assert!(at(Exercise::Cartwheel, 0.35)[2].y < at(Exercise::Cartwheel, 0.35)[3].y, "over the left hand first");
+}

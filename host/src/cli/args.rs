@@ -40,7 +40,8 @@ pub struct DemoArgs {
     #[arg(long, default_value = "human", help = puppet_help())]
     #[expect(missing_docs, reason = "its help is put together from the puppets there are")]
     pub puppet: String,
-    /// What the puppet does: walk, wave, walk+wave, wiggle, or a BVH file of a human figure
+    /// What the puppet does: walk, wave, walk+wave, wiggle, squat, sit, kick, reach, cartwheel, or a BVH file of a human
+    /// figure
     #[arg(long)]
     pub motion: Option<String>,
     /// Bones without a joint.

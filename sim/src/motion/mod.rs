@@ -1,6 +1,7 @@
-//! What the puppet does: rest, a procedural motion, or a track; with the feature `serve` also motion files
+//! What the puppet does: rest, a procedural motion, an exercise, or a track; with the feature `serve` also motion files
 //! (`puppet_from_motion`, `retarget`).
 
+mod exercise;
 #[cfg(feature = "serve")]
 mod file;
 mod play;
@@ -8,6 +9,7 @@ mod procedural;
 #[cfg(feature = "serve")]
 mod retarget;
 
+pub use exercise::Exercise;
 #[cfg(feature = "serve")]
 pub use file::{MotionFileError, puppet_from_motion};
 pub(crate) use play::Player;

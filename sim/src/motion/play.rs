@@ -1,5 +1,6 @@
-//! What the puppet does: rest, a procedural motion, or a recorded track.
+//! What the puppet does: rest, a procedural motion, an exercise, or a recorded track.
 
+use super::exercise::Exercise;
 use super::procedural::{Procedure, Role, target};
 use crate::body::Body;
 use crate::rotation::{IDENTITY, Rotation, between, normalized, to_sensor_angles};
@@ -23,12 +24,14 @@ pub enum Motion {
     Wiggle,
     /// Every joint from rest to one stop, to the other and back, as for calibration.
     Sweep,
+    /// What a human does again and again.
+    Exercise(Exercise),
     /// Recorded rotations.
     Track(JointTrack),
 }
 
 impl Motion {
-    /// The motion with this name: `rest`, `walk`, `wave`, `walk+wave`, `wiggle`, `sweep`.
+    /// The motion with this name, one of [`names`](Self::names).
     pub fn by_name(name: &str) -> Option<Self> {
         Some(match name {
             "rest" => Self::Rest,
@@ -37,8 +40,18 @@ impl Motion {
             "walk+wave" => Self::WalkAndWave,
             "wiggle" => Self::Wiggle,
             "sweep" => Self::Sweep,
-            _ => return None,
+            _ => Self::Exercise(Exercise::ALL.iter().find(|(known, _)| *known == name)?.1),
         })
+    }
+
+    /// The names of all motions, with commas between.
+    pub fn names() -> String {
+        let exercises = Exercise::ALL.iter().map(|(name, _)| *name);
+        ["rest", "walk", "wave", "walk+wave", "wiggle", "sweep"]
+            .into_iter()
+            .chain(exercises)
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 }
 
@@ -201,6 +214,7 @@ impl Player {
             Motion::WalkAndWave => by_rule(Procedure { walk: true, wave: true }),
             Motion::Wiggle => Self::Wiggle,
             Motion::Sweep => Self::Sweep,
+            Motion::Exercise(exercise) => Self::Track(Track::new(exercise.track(body), body, true)),
             Motion::Track(track) => Self::Track(Track::new(track, body, leads)),
         }
     }

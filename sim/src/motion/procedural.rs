@@ -10,7 +10,7 @@ use crate::rotation::{Rotation, about, product};
 const STEPS_PER_SECOND: f64 = 0.9;
 const WAVES_PER_SECOND: f64 = 1.4;
 /// How far a walker's arms hang down from the T-pose, radians.
-const ARMS_DOWN: f64 = 1.3;
+pub(super) const ARMS_DOWN: f64 = 1.3;
 
 /// Which rules apply.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +50,7 @@ pub(crate) enum Side {
 
 impl Side {
     /// +1 on the character's left.
-    fn sign(self) -> f64 {
+    pub(super) fn sign(self) -> f64 {
         if self == Self::Left { 1.0 } else { -1.0 }
     }
 

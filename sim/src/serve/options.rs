@@ -21,7 +21,8 @@ pub struct Options {
     /// gello-franka: an arm of bus servos, on a pseudo-terminal only
     #[arg(default_value = "human")]
     pub puppet: String,
-    /// rest, walk, wave, walk+wave, wiggle, sweep, or a BVH file of a human figure [default: the puppet's own file, wiggle for joints:N, otherwise walk]
+    /// rest, walk, wave, walk+wave, wiggle, sweep, of a human also squat, sit, kick, reach, cartwheel, or a BVH file of a
+    /// human figure [default: the puppet's own file, wiggle for joints:N, otherwise walk]
     #[arg(long)]
     pub motion: Option<String>,
     /// Start a file's motion again when it ends, instead of holding its last frame
@@ -126,8 +127,18 @@ pub enum OptionsError {
     #[error(transparent)]
     ServoBus(#[from] ServoBusError),
     /// No such motion.
-    #[error("there is no motion called {0:?}; choose rest, walk, wave, walk+wave, wiggle, sweep or a .bvh file")]
+    #[error("there is no motion called {0:?}; choose {known} or a .bvh file", known = Motion::names())]
     UnknownMotion(String),
+    /// An exercise that needs a human.
+    #[error(
+        "{puppet} has no trunk, hips and shoulders for {motion:?}; choose the puppet human or human8, or another motion"
+    )]
+    NotHuman {
+        /// The puppet.
+        puppet: String,
+        /// The motion.
+        motion: String,
+    },
     /// A text that does not follow its pattern.
     #[error("{text:?} does not follow the pattern {pattern}; times are in seconds")]
     Pattern {
@@ -179,6 +190,12 @@ impl Options {
             Some(name) if is_motion_file(name) => Motion::Track(retarget(&read_motion(name)?, &body)?.track),
             Some(name) => Motion::by_name(name).ok_or_else(|| OptionsError::UnknownMotion(name.clone()))?,
         };
+        if let Motion::Exercise(exercise) = motion
+            && !exercise.suits(&body)
+        {
+            let motion = self.motion.clone().unwrap_or_default();
+            return Err(OptionsError::NotHuman { puppet: self.puppet.clone(), motion });
+        }
         if let Motion::Track(track) = &mut motion
             && self.repeat
         {
@@ -381,5 +398,7 @@ mod tests {
         assert!(matches!(wrong(|o| o.motion = Some("dance".into())), OptionsError::UnknownMotion(_)));
         assert!(matches!(wrong(|o| o.motion = Some("/none.bvh".into())), OptionsError::Read { .. }));
         assert!(matches!(wrong(|o| o.puppet = "dog".into()), OptionsError::Body(_)));
+        let spider_squats = wrong(|o| (o.puppet, o.motion) = ("spider".into(), Some("squat".into())));
+        assert!(matches!(spider_squats, OptionsError::NotHuman { .. }));
     }
 }

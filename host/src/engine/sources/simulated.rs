@@ -15,7 +15,8 @@ const PRESET_MOTION: &str = "walk+wave";
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Simulated puppet (more in `armature sim --help`)")]
 pub struct SimulatedArgs {
-    /// rest, walk, wave, walk+wave, wiggle, sweep, or a BVH file; a puppet made from a BVH file plays that file
+    /// rest, walk, wave, walk+wave, wiggle, sweep, of a human also squat, sit, kick, reach, cartwheel, or a BVH file; a
+    /// puppet made from a BVH file plays that file
     #[arg(long)]
     pub motion: Option<String>,
     /// The same seed gives the same bytes
