@@ -78,6 +78,15 @@ pub struct ReplayArgs {
     /// Where to write the picture
     #[arg(long, value_name = "PNG", requires = "at")]
     pub picture: Option<PathBuf>,
+    /// Draw moments of the take side by side on one floor, seen from the character's right
+    #[arg(long, value_name = "PNG")]
+    pub filmstrip: Option<PathBuf>,
+    /// How many moments are on the filmstrip
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(2..=32))]
+    pub moments: u8,
+    /// Where the filmstrip begins and ends, seconds of the take; without it, the whole take
+    #[arg(long, value_name = "SECONDS", num_args = 2, requires = "filmstrip")]
+    pub between: Option<Vec<f64>>,
     /// Files that are already there.
     #[command(flatten)]
     pub overwrite: Overwrite,

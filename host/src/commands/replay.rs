@@ -14,14 +14,15 @@ use crate::{characters, pictures, takes};
 
 /// Solves a take again and compares with the recorded poses; draws a moment of it if asked.
 pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
-    args.picture.as_deref().map_or(Ok(()), |path| args.overwrite.check(path))?;
+    args.picture.iter().chain(&args.filmstrip).try_for_each(|path| args.overwrite.check(path))?;
     let take = takes::read_and_tell(&args.take)?;
     if let Some(at) = args.at {
         check_moment(&take, args, at)?;
-    } else if !args.shapes.shapes.is_empty() || args.skin.skin.is_some() {
+    } else if args.filmstrip.is_none() && (!args.shapes.shapes.is_empty() || args.skin.skin.is_some()) {
         let option = if args.shapes.shapes.is_empty() { "--skin" } else { "--shape" };
-        return Err(Failure::usage(format!("{option} is for the picture"), "add --at and --picture"));
+        return Err(Failure::usage(format!("{option} is for pictures"), "add --at and --picture, or --filmstrip"));
     }
+    args.between.iter().flatten().try_for_each(|&at| check_moment(&take, args, at))?;
     if take.samples().next().is_none() && take.poses().next().is_some() {
         return without_samples(args, &take, talk);
     }
@@ -38,17 +39,13 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
         let (poses, _) = solve_again(&take, completion, &mut bar.stages())
             .map_err(|e| Failure::input(format!("{}: {e}", args.take.display()), ""))?;
         bar.finish();
-        if let (Some(path), Some(at)) = (&args.picture, args.at) {
-            draw(&take, args, at, path, talk)?;
-        }
+        draw(&take, args, talk)?;
         return compare_with(&take, &poses, expected, args);
     }
     let verification = verify_completed(&take, completion, &mut bar.stages())
         .map_err(|e| Failure::input(format!("{}: {e}", args.take.display()), ""))?;
     bar.finish();
-    if let (Some(path), Some(at)) = (&args.picture, args.at) {
-        draw(&take, args, at, path, talk)?;
-    }
+    draw(&take, args, talk)?;
     let name = args.take.display();
     if verification.is_exact() {
         out!("{name}: {} poses solved again, all the same to the last bit", verification.identical);
@@ -70,13 +67,11 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
 
 /// A motion that was retargeted, or that another program made, has poses alone: they are drawn, not solved again.
 fn without_samples(args: &ReplayArgs, take: &Take, talk: Talk) -> Result<(), Failure> {
-    match (&args.picture, args.at) {
-        (Some(path), Some(at)) if args.verify.is_none() => draw(take, args, at, path, talk),
-        _ => {
-            let what = format!("{} has poses but no samples, so there is nothing to solve again", args.take.display());
-            Err(Failure::input(what, "export it, or play it in the window"))
-        }
+    if args.verify.is_none() && (args.picture.is_some() || args.filmstrip.is_some()) {
+        return draw(take, args, talk);
     }
+    let what = format!("{} has poses but no samples, so there is nothing to solve again", args.take.display());
+    Err(Failure::input(what, "export it, or play it in the window"))
 }
 
 /// Solves the samples again with the roots following the feet as chosen, and says what came of it.
@@ -85,9 +80,7 @@ fn stand(args: &ReplayArgs, take: &Take, talk: Talk) -> Result<(), Failure> {
     let bar = Bar::new(talk, "solving again");
     let take = takes::on_ground(take, &args.ground, &character, &mut bar.stages())?;
     bar.finish();
-    if let (Some(path), Some(at)) = (&args.picture, args.at) {
-        draw(&take, args, at, path, talk)?;
-    }
+    draw(&take, args, talk)?;
     if let Some(expected) = &args.verify {
         let poses: Vec<PackedPose> = take.poses().cloned().collect();
         return compare_with(&take, &poses, expected, args);
@@ -172,15 +165,35 @@ fn check_moment(take: &Take, args: &ReplayArgs, at: f64) -> Result<(), Failure> 
     }
 }
 
-fn draw(take: &Take, args: &ReplayArgs, at: f64, path: &std::path::Path, talk: Talk) -> Result<(), Failure> {
+/// The picture and the filmstrip that were asked for.
+fn draw(take: &Take, args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
+    if args.picture.is_none() && args.filmstrip.is_none() {
+        return Ok(());
+    }
     let character = character_of(take, args, talk)?;
-    let timeline = Timeline::recorded(take)
-        .ok_or_else(|| Failure::input(format!("{} holds no pose", args.take.display()), "record it again"))?;
-    let (_, packed) = timeline
-        .get(timeline.at(at))
-        .ok_or_else(|| Failure::input(format!("{} holds no pose", args.take.display()), "record it again"))?;
-    let (positions, normals) = pictures::skin_once(&character, &take.unpack(packed), &args.shapes.shapes)?;
-    let by = pictures::write_picture(args.overwrite, path, &character, &positions, &normals)?;
-    out!("{}: {by}", path.display());
+    let none = || Failure::input(format!("{} holds no pose", args.take.display()), "record it again");
+    let timeline = Timeline::recorded(take).ok_or_else(none)?;
+    let skinned = |at: f64| {
+        let (_, packed) = timeline.get(timeline.at(at)).ok_or_else(none)?;
+        pictures::skin_once(&character, &take.unpack(packed), &args.shapes.shapes)
+    };
+    if let (Some(path), Some(at)) = (&args.picture, args.at) {
+        let (positions, normals) = skinned(at)?;
+        let by = pictures::write_picture(args.overwrite, path, &character, &positions, &normals)?;
+        out!("{}: {by}", path.display());
+    }
+    if let Some(path) = &args.filmstrip {
+        let (first, last) = match args.between.as_deref() {
+            Some(&[from, to]) if from < to => (from, to),
+            Some(_) => return Err(Failure::usage("--between goes backwards", "give the earlier moment first")),
+            None => timeline.span_seconds().ok_or_else(none)?,
+        };
+        let steps = f64::from(args.moments - 1);
+        let moments = (0..args.moments).map(|moment| skinned(first + (last - first) * f64::from(moment) / steps));
+        let floor = take.ground().map(|ground| ground.floor);
+        let moments = moments.collect::<Result<Vec<_>, _>>()?;
+        let by = pictures::write_filmstrip(args.overwrite, path, &character, &moments, floor)?;
+        out!("{}: {} moments from {first:.2} s to {last:.2} s, {by}", path.display(), args.moments);
+    }
     Ok(())
 }

@@ -11,7 +11,8 @@ pub struct View {
     pub yaw: f32,
     /// Radians above the horizon.
     pub pitch: f32,
-    /// Fraction of the fitted distance, which leaves space for turning the character.
+    /// Fraction of the fitted distance, which leaves space for turning the character; never so close that any of it is cut
+    /// off.
     pub closer: f32,
     /// Height of the floor (mesh units); `None`: under the character.
     pub floor: Option<f32>,
@@ -56,8 +57,23 @@ pub(super) fn camera_of(positions: &[[f32; 3]], view: &View) -> Camera {
     let mut camera = Camera::fit(&bounds, view.size[0] as f32 / view.size[1] as f32);
     camera.yaw = view.yaw;
     camera.pitch = view.pitch;
-    camera.distance *= view.closer;
+    camera.distance = (camera.distance * view.closer).max(MARGIN * closest(positions, &camera, view.size));
     camera
+}
+
+/// Space around what is drawn.
+const MARGIN: f32 = 1.04;
+
+/// From how far away a camera that looks like this sees everything.
+fn closest(positions: &[[f32; 3]], camera: &Camera, size: [u32; 2]) -> f32 {
+    let half_y = (0.5 * camera.fov_y).tan();
+    let half_x = half_y * size[0] as f32 / size[1] as f32;
+    let (right, up, forward) = camera.basis();
+    let needed = positions.iter().map(|&place| {
+        let off = glam::Vec3::from(place) - camera.target;
+        (off.dot(right).abs() / half_x).max(off.dot(up).abs() / half_y) - off.dot(forward)
+    });
+    needed.filter(|needed| needed.is_finite()).fold(0.0, f32::max)
 }
 
 /// Draws a scene on a graphics adapter, or on the CPU if there is none.

@@ -35,6 +35,7 @@ fn nothing_that_is_there_is_written_over() {
         ("tube.armature", [&heat[..], &["-o", "tube.armature"]].concat()),
         ("kept.png", vec!["weights", "tube.mesh", "--handles", "bones.tgf", "-o", "w.npy", "--picture", "kept.png"]),
         ("a.take", vec!["replay", "a.take", "--at", "0.5", "--picture", "a.take"]),
+        ("kept.png", vec!["replay", "a.take", "--filmstrip", "kept.png"]),
         ("notes.txt", vec!["bench", "--plot", "notes.txt", "protocol/encode"]),
     ] {
         let before = place.read(kept);
@@ -80,6 +81,12 @@ fn moments_and_times_that_cannot_be_are_refused() {
     }
     assert!(!place.path("p.png").exists());
     place.fails(2, "--at", &["replay", "a.take", "--picture", "p.png"]);
+    for between in [["0.5", "20"], ["0.5", "0.2"], ["nan", "1"]] {
+        place.fails(2, "", &[&["replay", "a.take", "--filmstrip", "p.png", "--between"][..], &between].concat());
+    }
+    place.fails(2, "--moments", &["replay", "a.take", "--filmstrip", "p.png", "--moments", "1"]);
+    place.done(&["replay", "a.take", "--filmstrip", "p.png", "--moments", "3", "--between", "0.1", "0.8"]);
+    assert!(place.read("p.png").starts_with(b"\x89PNG"));
     for seconds in ["-1", "0", "inf"] {
         let ran = place.fails(2, "--seconds", &["run", "--device", "sim:human", "--seconds", seconds]);
         assert!(ran.err.contains("above 0"), "{ran:?}");
