@@ -82,7 +82,12 @@ impl IkArgs {
         };
         let own = self.limit.iter().filter(|word| *word != NO_ANATOMY).map(|text| text.parse());
         let own = own.collect::<Result<Vec<LimitedBone>, UnknownLimit>>();
-        let own = own.map_err(|e| Failure::usage(e.to_string(), ""))?;
+        let mut own = own.map_err(|e| Failure::usage(e.to_string(), ""))?;
+        for limited in &mut own {
+            let (wide, note) = limited.clone().around_rest();
+            *limited = wide;
+            note.iter().for_each(|note| tracing::warn!("{}: {note}", character.name));
+        }
         let made = InverseKinematics::new(bound, &pins).and_then(|mut ik| {
             ik.prefer_all(&preferred)?;
             ik.limit_all(&anatomy)?;

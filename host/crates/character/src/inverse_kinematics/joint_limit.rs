@@ -29,6 +29,13 @@ impl JointLimit {
         let half = 0.0..=PI + 1e-9;
         [self.bend, self.lean, self.roll].iter().all(|[least, most]| half.contains(&-least) && half.contains(most))
     }
+
+    /// Every end is a finite angle of at most half a turn, and the least is not the greater.
+    fn is_readable(&self) -> bool {
+        let half = -PI - 1e-9..=PI + 1e-9;
+        let readable = |[least, most]: &[f64; 2]| half.contains(least) && half.contains(most) && least <= most;
+        [self.bend, self.lean, self.roll].iter().all(readable)
+    }
 }
 
 /// A bone and its limit; as text `NAME:bend=LEAST..MOST:lean=LEAST..MOST:roll=LEAST..MOST` in degrees, of which any may
@@ -45,11 +52,27 @@ pub struct LimitedBone {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{text:?} is no limit; write BONE:bend=LEAST..MOST, BONE:lean=LEAST..MOST or BONE:roll=LEAST..MOST in degrees from the \
-     rest pose, which must lie within, or several at once, such as LeftLowerLeg:bend=0..140:roll=-20..20; BONE:free has none"
+     rest pose, or several at once, such as LeftLowerLeg:bend=0..140:roll=-20..20; BONE:free has none"
 )]
 pub struct UnknownLimit {
     /// The text given.
     pub text: String,
+}
+
+impl LimitedBone {
+    /// The limit widened so that the rest pose lies within, from where every motion begins; and a sentence about what was
+    /// widened, if anything was.
+    pub fn around_rest(self) -> (Self, Option<String>) {
+        let around = |[least, most]: [f64; 2]| [least.min(0.0), most.max(0.0)];
+        let JointLimit { bend, lean, roll } = self.limit;
+        let limit = JointLimit { bend: around(bend), lean: around(lean), roll: around(roll) };
+        if limit == self.limit {
+            return (self, None);
+        }
+        let wide = Self { bone: self.bone.clone(), limit };
+        let note = format!("the rest pose is outside of the limit {self}, so that {wide} holds");
+        (wide, Some(note))
+    }
 }
 
 impl FromStr for LimitedBone {
@@ -79,7 +102,7 @@ impl FromStr for LimitedBone {
             *range = [least, most];
             bone = rest;
         }
-        if bone.is_empty() || bone.len() == text.len() || !limit.is_sound() {
+        if bone.is_empty() || bone.len() == text.len() || !limit.is_readable() {
             return Err(unknown());
         }
         Ok(Self { bone: bone.to_owned(), limit })
@@ -262,7 +285,7 @@ mod tests {
             "Neck",
             "Neck:bend",
             "Neck:bend=1",
-            "Neck:bend=5..9",
+            "Neck:bend=9..5",
             "Neck:bend=nan..1",
             ":bend=0..1",
             "Neck:bend=0..1:bend=0..2",
@@ -271,6 +294,16 @@ mod tests {
         ] {
             assert!(wrong.parse::<LimitedBone>().is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn limits_beside_the_rest_pose_are_widened_to_it_and_say_so() {
+        let narrow: LimitedBone = "Neck:bend=5..9:roll=-3..3".parse().unwrap();
+        assert!(!narrow.limit.is_sound());
+        let (wide, note) = narrow.around_rest();
+        assert_eq!(wide.to_string(), "Neck:bend=0..9:roll=-3..3");
+        assert!(wide.limit.is_sound() && note.unwrap().contains("Neck:bend=5..9"));
+        assert_eq!(wide.clone().around_rest(), (wide, None));
     }
 
     #[test]
