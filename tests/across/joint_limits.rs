@@ -25,14 +25,14 @@ fn walk(human: &Arc<LoadedCharacter>, pins: &[&str], limits: &[&str]) -> Run {
     perform(options("human8", 4).puppet().unwrap(), human, &Setup { ik, header, ..Setup::samples(260, RATE) })
 }
 
-fn frames(skeleton: &Skeleton, pose: &Pose) -> Vec<Affine3A> {
+pub(crate) fn frames(skeleton: &Skeleton, pose: &Pose) -> Vec<Affine3A> {
     let mut frames = vec![Affine3A::IDENTITY; skeleton.len()];
     pose.forward_kinematics(skeleton, &mut frames);
     frames
 }
 
 /// How far a hinge is bent, degrees, positive the way that people bend it.
-fn bent(skeleton: &Skeleton, frames: &[Affine3A], bone: &str, forward: f32) -> f32 {
+pub(crate) fn bent(skeleton: &Skeleton, frames: &[Affine3A], bone: &str, forward: f32) -> f32 {
     let bone = skeleton.find(bone).unwrap();
     let above = skeleton.bones()[bone].parent.unwrap();
     let rest = skeleton.rest_model_from_bone();

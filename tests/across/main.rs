@@ -9,6 +9,7 @@ mod hotplug;
 mod joint_limits;
 mod mapping;
 mod mocap;
+mod motions;
 mod mounting;
 mod noise;
 mod replay;

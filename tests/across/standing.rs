@@ -121,7 +121,7 @@ fn measured(take: &Take, human: &LoadedCharacter) -> Measured {
                 let contact = solver.ground().unwrap();
                 let (offset, points) = (contact.offset(), &contact.ground().points);
                 let place = |point: usize| frames[points[point].bone].transform_point3(points[point].at);
-                let (_, point) = contact.anchor().expect("a foot carries");
+                let point = contact.standing().next().expect("a foot carries");
                 match held {
                     Some((same, there, still)) if same == point => {
                         let flat = |v: Vec3| v.with_y(0.0).length();

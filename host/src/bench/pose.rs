@@ -7,6 +7,7 @@ use std::sync::Arc;
 use armature_rig::Calibration;
 
 use super::{Measurement, median, time_runs};
+use crate::characters::ground::{GroundArgs, GroundChoice};
 use crate::characters::inverse_kinematics::{IkArgs, IkMode};
 use crate::characters::{self, LoadedCharacter};
 use crate::cli::args::BenchArgs;
@@ -21,6 +22,8 @@ pub(super) const NAMES: &[&str] = &[
     "character/human",
     "pose/human-solve-and-skin-p99",
     "pose/human8-ik-solve-and-skin-p99",
+    "pose/human-standing-p99",
+    "pose/human8-standing-p99",
     "pose/human8-ik-prepare",
 ];
 
@@ -42,10 +45,25 @@ const EIGHT: [&str; 8] = [
 pub(super) fn run(_: &BenchArgs) -> Result<Vec<Measurement>, Failure> {
     let human = Arc::new(characters::find("human", &mut |_, _| ControlFlow::Continue(()))?.character);
     let all_joints = IkArgs { ik: IkMode::Off, ..IkArgs::default() };
+    let (off, walk) = (GroundArgs::default(), GroundArgs { ground: Some(GroundChoice::Walk), contacts: Vec::new() });
+    let plain = pose("pose/human-solve-and-skin-p99", &human, "human", &all_joints, &off)?;
+    let beside_plain = |name: &'static str, puppet: &str, ik: &IkArgs| {
+        let standing = pose(name, &human, puppet, ik, &walk)?;
+        let limit = 3.0 * plain.value;
+        let standing = standing.at_most(limit, "at most 3 times the plain one");
+        Ok::<_, Failure>(Measurement {
+            peer: Some(("without floor and inverse kinematics".into(), plain.value)),
+            ..standing
+        })
+    };
     Ok(vec![
         character()?,
-        pose("pose/human-solve-and-skin-p99", &human, "human", &all_joints)?.at_most(2000.0, "below 2 ms"),
-        pose("pose/human8-ik-solve-and-skin-p99", &human, "human8", &IkArgs::default())?.at_most(1000.0, "below 1 ms"),
+        beside_plain("pose/human-standing-p99", "human", &all_joints)?,
+        // With the limits of a human's joints.
+        beside_plain("pose/human8-standing-p99", "human8", &IkArgs::default())?,
+        pose("pose/human8-ik-solve-and-skin-p99", &human, "human8", &IkArgs::default(), &off)?
+            .at_most(1000.0, "below 1 ms"),
+        plain.at_most(2000.0, "below 2 ms"),
         prepare(&human)?,
     ])
 }
@@ -75,9 +93,16 @@ fn prepare(human: &Arc<LoadedCharacter>) -> Result<Measurement, Failure> {
 }
 
 /// A sample of a simulated human, from decoded counts to skinned vertices.
-fn pose(name: &'static str, human: &Arc<LoadedCharacter>, puppet: &str, ik: &IkArgs) -> Result<Measurement, Failure> {
+fn pose(
+    name: &'static str,
+    human: &Arc<LoadedCharacter>,
+    puppet: &str,
+    ik: &IkArgs,
+    ground: &GroundArgs,
+) -> Result<Measurement, Failure> {
     let puppeteer = Puppeteer::new(human.clone(), None, Calibration::default(), ZeroPolicy::AtStart)?
-        .with_inverse_kinematics(ik)?;
+        .with_inverse_kinematics(ik)?
+        .with_ground(ground)?;
     let mut pipeline: Pipeline<Vec<u8>> = Pipeline::new(puppeteer);
     let mut puppet = VirtualSource::new(puppet, &SimulatedArgs::default(), 1000.0)?;
     let mut micros = Vec::with_capacity(POSES);

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use armature_take::{Edit, EditList};
 
+use crate::characters::ground::GroundArgs;
 use crate::cli::edit_args::{EditAction, EditArgs};
 use crate::failure::Failure;
 use crate::files::{self, Overwrite};
@@ -26,7 +27,7 @@ pub fn edit(args: &EditArgs, talk: Talk) -> Result<(), Failure> {
     };
     let changed = changed(&list, args.action.as_ref(), path)?;
     let bar = Bar::new(talk, "editing");
-    let applied = edits::apply(path, &changed, args.character.as_deref(), &mut bar.stages())?;
+    let applied = edits::apply(path, &changed, args.character.as_deref(), &GroundArgs::default(), &mut bar.stages())?;
     bar.finish();
     if args.action.is_some() {
         overwrite.write(path, changed.write().as_bytes())?;

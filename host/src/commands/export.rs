@@ -85,7 +85,7 @@ fn one(args: &ExportArgs, path: &Path, to: &Path, target: Target, talk: Talk) ->
     let bar = Bar::new(talk, "exporting");
     let (take, edited) = if edits::is_list(path) {
         let list = edits::read(path)?;
-        let applied = edits::apply(path, &list, args.character.as_deref(), &mut bar.stages())?;
+        let applied = edits::apply(path, &list, args.character.as_deref(), &args.ground, &mut bar.stages())?;
         (applied.take, Some(applied.edited))
     } else {
         (takes::read_and_tell(path)?, None)
@@ -102,7 +102,8 @@ fn one(args: &ExportArgs, path: &Path, to: &Path, target: Target, talk: Talk) ->
     } else {
         None
     };
-    let take = if args.ground.ground.is_some() && !is_anew { on_ground(args, path, &take, &bar)? } else { take };
+    let again = args.ground.ground.is_some() && !is_anew && edited.is_none();
+    let take = if again { on_ground(args, path, &take, &bar)? } else { take };
     let exported = exports::export(&take, edited.as_ref(), character.as_ref(), target, &options, &mut bar.stages())
         .map_err(|f| Failure { what: format!("{}: {}", path.display(), f.what), ..f })?;
     args.overwrite.write(to, &exported.bytes)?;
@@ -145,10 +146,6 @@ fn recast(args: &ExportArgs, path: &Path, take: &Take, bar: &Bar) -> Result<Opti
 
 /// The samples solved again with the roots following the feet as chosen.
 fn on_ground(args: &ExportArgs, path: &Path, take: &Take, bar: &Bar) -> Result<Take, Failure> {
-    if edits::is_list(path) {
-        let what = format!("{} is an edit list, and --ground solves the samples of a take again", path.display());
-        return Err(Failure::usage(what, "record the take with --ground, or export the take itself"));
-    }
     let found = character_of(take, path, args, bar)?;
     takes::on_ground(take, &args.ground, &found.character, &mut bar.stages())
 }

@@ -20,7 +20,7 @@ pub fn replay(args: &ReplayArgs, talk: Talk) -> Result<(), Failure> {
         check_moment(&take, args, at)?;
     } else if args.filmstrip.is_none() && (!args.shapes.shapes.is_empty() || args.skin.skin.is_some()) {
         let option = if args.shapes.shapes.is_empty() { "--skin" } else { "--shape" };
-        return Err(Failure::usage(format!("{option} is for pictures"), "add --at and --picture, or --filmstrip"));
+        return Err(Failure::usage(format!("{option} is for the picture"), "add --at and --picture, or --filmstrip"));
     }
     args.between.iter().flatten().try_for_each(|&at| check_moment(&take, args, at))?;
     if take.samples().next().is_none() && take.poses().next().is_some() {

@@ -5,6 +5,7 @@ use std::path::Path;
 use armature_rig::{Motion, RetargetError, RetargetReport, RetargetSettings};
 use armature_take::{ExportSettings, FrameRate, Header, edited_motion, motion_take, take_motion};
 
+use crate::characters::ground::GroundArgs;
 use crate::cli::take_args::RetargetArgs;
 use crate::failure::Failure;
 use crate::takes::exports::{self, Options, Target};
@@ -79,7 +80,7 @@ fn source(args: &RetargetArgs, bar: &Bar) -> Result<Motion, Failure> {
     let mut settings = ExportSettings::default();
     settings.resample.frames_per_second = rate.map_or(f64::from(TAKE_RATE), FrameRate::frames_per_second);
     let motion = if edits::is_list(path) {
-        let applied = edits::apply(path, &edits::read(path)?, None, &mut bar.stages())?;
+        let applied = edits::apply(path, &edits::read(path)?, None, &GroundArgs::default(), &mut bar.stages())?;
         edited_motion(&applied.edited, &settings.resample, &mut bar.stages())
     } else {
         take_motion(&takes::read_and_tell(path)?, &settings, &mut bar.stages())

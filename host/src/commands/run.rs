@@ -34,7 +34,6 @@ pub fn run(args: &RunArgs, talk: Talk) -> Result<(), Failure> {
         let what = format!("there is no calibration {}", path.display());
         return Err(Failure::usage(what, format!("`armature calibrate -o {}` makes one", path.display())));
     }
-    args.ground.check_pins(&args.ik.pin)?;
     let character = args.character.as_deref().unwrap_or_else(|| characters::default_for(&args.device));
     let bar = Bar::new(talk, "loading the character");
     let found = args.skin.apply(characters::find(character, &mut bar.stages())?, &mut bar.stages())?;

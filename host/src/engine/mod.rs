@@ -15,6 +15,7 @@ pub mod input;
 pub mod latency;
 pub mod link;
 pub mod machine;
+mod missed_pins;
 pub mod pipeline;
 pub mod playback;
 mod player;

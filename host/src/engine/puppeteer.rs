@@ -19,6 +19,7 @@ use armature_take::Record;
 use glam::{Affine3A, Quat};
 
 use self::dragging::Dragging;
+use super::missed_pins::MissedPins;
 use super::puppet_rest::{PuppetRest, RestMatcher, is_part_of};
 use super::shaped_skin::ShapedSkin;
 use crate::characters::LoadedCharacter;
@@ -104,8 +105,8 @@ pub struct Puppeteer {
     /// What its bones prefer, in the user's words.
     preferences: Vec<String>,
     dragging: Dragging,
-    /// How far the worst pin was missed since the take began or the puppet came, mesh units.
-    missed: f32,
+    /// Which pinned bones were away from their places since the take began or the puppet came.
+    pub(super) missed: MissedPins,
     /// A take that began without inverse kinematics goes on without.
     solves_joints_alone: bool,
     model_from_bone: Vec<Affine3A>,
@@ -127,7 +128,7 @@ impl Puppeteer {
             preferences: Vec::new(),
             solves_joints_alone: false,
             dragging: Dragging::default(),
-            missed: 0.0,
+            missed: MissedPins::default(),
             character,
             skin,
             chosen_mapping: mapping,
@@ -168,6 +169,7 @@ impl Puppeteer {
     /// Lets bones without a joint follow, as chosen.
     pub fn with_inverse_kinematics(mut self, choice: &IkArgs) -> Result<Self, Failure> {
         self.inverse_kinematics = choice.for_character(&self.character)?;
+        self.missed = MissedPins::of(self.inverse_kinematics.as_ref(), &self.character);
         self.preferences.clone_from(&choice.prefer);
         self.prepare_inverse_kinematics(&mut unheard);
         Ok(self)
@@ -199,7 +201,7 @@ impl Puppeteer {
 
     /// Lets the roots follow the feet, as chosen.
     pub fn with_ground(mut self, choice: &GroundArgs) -> Result<Self, Failure> {
-        self.ground = choice.for_character(&self.character)?;
+        self.ground = choice.for_character(&self.character, self.inverse_kinematics.as_ref())?;
         self.stand()?;
         Ok(self)
     }
@@ -361,7 +363,7 @@ impl Puppeteer {
 
     /// Forgets what sensors said before, so that a take that begins now can be solved from its own samples alone.
     fn forget_past(&mut self) {
-        self.missed = 0.0;
+        self.missed.forget();
         self.solver.forget_past();
         if let Some(ik) = &mut self.inverse_kinematics {
             ik.restart();
@@ -410,10 +412,8 @@ impl Puppeteer {
             }
             Err(error) => return Err(Failure::device(error.to_string(), "unplug the puppet and connect again")),
         };
-        if let Some(ik) = self.inverse_kinematics.as_ref().filter(|_| !self.solves_joints_alone) {
-            self.missed = self.missed.max(ik.worst_pin());
-        }
         pose.forward_kinematics(&self.character.skeleton, &mut self.model_from_bone);
+        self.missed.see(&self.model_from_bone);
         self.skin.blend(&self.character, self.solver.shapes())?;
         self.skin.pose(&self.model_from_bone)?;
         Ok(Step::Posed { zeroed, told })
@@ -511,9 +511,9 @@ impl Puppeteer {
         if high > low { high - low } else { 1.0 }
     }
 
-    /// How far the worst pin was missed at most, mesh units; 0 where all were held.
-    pub fn missed_pin(&self) -> f32 {
-        self.missed
+    /// How far the puppet's legs dragged a foot that stood, mesh units.
+    pub fn dragged_foot(&self) -> f32 {
+        self.solver.ground().map_or(0.0, armature_rig::GroundContact::dragged)
     }
 
     /// What decides how each bone is turned; `None` where bones without a joint stay at rest.

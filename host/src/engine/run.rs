@@ -27,6 +27,8 @@ const SILENT_PERIODS: f64 = 5.0;
 const LINE_PATIENCE_SECONDS: f64 = 30.0;
 /// A pin that is missed by less than this share of the skeleton's height is held: half a millimetre of a person.
 const PIN_HELD: f32 = 0.5e-3 / 1.9;
+/// A standing foot that is dragged by less than this share of the skeleton's height stays: a millimetre of a person.
+const FOOT_HELD: f32 = 2.0 * PIN_HELD;
 /// So often the run says how it goes.
 pub(super) const STATUS_SECONDS: f64 = 0.1;
 
@@ -211,8 +213,9 @@ impl Run {
             device: self.device,
             joints_bones_driven: (joints, puppeteer.character().skeleton.len(), bones.len()),
             roles: puppeteer.bone_roles().map(RoleCounts::of).filter(|roles| roles.solved > 0),
-            missed_pin: Some(puppeteer.missed_pin()).filter(|missed| *missed > PIN_HELD * puppeteer.height()),
             missed_targets: puppeteer.missed_targets(PIN_HELD * puppeteer.height()),
+            missed_pins: puppeteer.missed.beyond(PIN_HELD * puppeteer.height()),
+            dragged_foot: Some(puppeteer.dragged_foot()).filter(|dragged| *dragged > FOOT_HELD * puppeteer.height()),
             poses: self.poses,
             seconds,
             latency: (!on_virtual_clock).then(|| self.latencies.summary()),

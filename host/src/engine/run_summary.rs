@@ -27,10 +27,12 @@ pub struct RunSummary {
     pub joints_bones_driven: (usize, usize, usize),
     /// What turned the bones; `None` where bones without a joint stayed at rest.
     pub roles: Option<RoleCounts>,
-    /// How far the worst pin was missed, mesh units, where one was.
-    pub missed_pin: Option<f32>,
     /// The targets that were missed, and by how much at most.
     pub missed_targets: Vec<Missed>,
+    /// Which pinned bones were away from their places, and how far, mesh units.
+    pub missed_pins: Vec<(String, f32)>,
+    /// How far the puppet's legs dragged a foot that stood beside the other, mesh units, where they did.
+    pub dragged_foot: Option<f32>,
     /// Poses after zeroing.
     pub poses: u64,
     /// How long they went on, seconds.
@@ -101,10 +103,15 @@ impl fmt::Display for RunSummary {
                 all.join(", ")
             )?;
         }
-        if let Some(missed) = self.missed_pin {
+        if !self.missed_pins.is_empty() {
+            let missed = self.missed_pins.iter().map(|(bone, by)| format!("{bone} by up to {by:.4}"));
+            let missed = missed.collect::<Vec<_>>().join(", ");
+            writeln!(f, "pins       out of reach: {missed}; joints do not turn further (--limit changes how far)")?;
+        }
+        if let Some(dragged) = self.dragged_foot {
             writeln!(
                 f,
-                "pins       out of reach by up to {missed:.4}: joints do not turn further (--limit changes how far)"
+                "ground     the puppet's legs dragged a standing foot by up to {dragged:.4}; the other one stayed in place"
             )?;
         }
         writeln!(f, "stream     {} poses in {:.2} s, {rate:.1} a second", self.poses, self.seconds)?;

@@ -92,10 +92,10 @@ mod tests {
     fn moments_that_walk_away_are_moved_less() {
         let at = |x: f32| -> Skinned { (vec![[x, 0.0, 0.0], [x + 1.0, 1.0, 0.0]], Vec::new()) };
         let still = shifts(&[at(0.0), at(0.0), at(0.0)], Vec3::X);
-        assert!(still[0] == 0.0 && (still[1] - 1.06).abs() < 1e-6 && (still[2] - 2.12).abs() < 1e-6, "{still:?}");
+        assert!(still[0].abs() < 1e-9 && (still[1] - 1.06).abs() < 1e-6 && (still[2] - 2.12).abs() < 1e-6, "{still:?}");
         let away = shifts(&[at(0.0), at(0.5), at(1.0)], Vec3::X);
         assert!((away[1] - 0.56).abs() < 1e-6, "{away:?}");
-        assert_eq!(shifts(&[at(0.0), at(3.0)], Vec3::X), [0.0, 0.0]);
-        assert_eq!(shifts(&[at(f32::NAN), at(3.0)], Vec3::X)[1], 0.0);
+        assert!(shifts(&[at(0.0), at(3.0)], Vec3::X)[1].abs() < 1e-9);
+        assert!(shifts(&[at(f32::NAN), at(3.0)], Vec3::X)[1].abs() < 1e-9);
     }
 }

@@ -6,12 +6,13 @@ use std::sync::Arc;
 
 use armature_character::inverse_kinematics::InverseKinematics;
 use armature_rig::PoseCompletion;
-use armature_take::{EditError, EditList, Edited, Take, apply_edits};
+use armature_take::{EditError, EditList, Edited, Take, apply_edits, with_ground};
 
 use crate::characters;
+use crate::characters::ground::GroundArgs;
 use crate::failure::Failure;
 use crate::files;
-use crate::takes::completion;
+use crate::takes::{check_skeleton, completion};
 use crate::terminal::aside;
 
 /// The extension of an edit list.
@@ -43,24 +44,31 @@ pub fn read(path: &Path) -> Result<EditList, Failure> {
     EditList::read(&text).map_err(|error| Failure::input(format!("{}, {error}", path.display()), ""))
 }
 
-/// Applies a list that lies at this path. `character`: which one, if the take's own is not to be looked for.
+/// Applies a list that lies at this path. `character`: which one, if the take's own is not to be looked for; `ground`: how
+/// the roots follow the feet, if not as they do in the take.
 pub fn apply(
     path: &Path,
     list: &EditList,
     character: Option<&str>,
+    ground: &GroundArgs,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<EditedTake, Failure> {
     let beside = path.with_file_name(&list.take);
-    let take = neighbour(path, &list.take).map_err(|why| {
+    let mut take = neighbour(path, &list.take).map_err(|why| {
         let what = format!("{}: its take {:?}: {why}", path.display(), list.take);
         Failure::input(what, TOGETHER)
     })?;
-    let completion = if take.inverse_kinematics().is_some() {
+    let completion = if take.inverse_kinematics().is_some() || ground.ground.is_some() {
         let found = match character {
             Some(source) => characters::find(source, progress)?,
             None => characters::find_for_take(&beside, &take.header().character_name, progress)?,
         };
-        completion(&take, &found.character)?
+        let completion = completion(&take, &found.character)?;
+        if ground.ground.is_some() {
+            check_skeleton(&take, &found.character)?;
+            take = with_ground(&take, ground.for_character(&found.character, completion.as_ref())?.as_ref());
+        }
+        completion
     } else {
         None
     };

@@ -12,7 +12,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use armature_character::Progress;
-use armature_character::inverse_kinematics::{InverseKinematics, PinHold, PinnedBone};
+use armature_character::inverse_kinematics::InverseKinematics;
 use armature_rig::PoseCompletion;
 use armature_take::{ReadReport, Take, solve_on_ground};
 
@@ -56,6 +56,15 @@ pub fn completion(take: &Take, character: &LoadedCharacter) -> Result<Option<Inv
     IkArgs { ik: IkMode::On, pin, prefer, limit }.for_character(character)
 }
 
+/// Whether a take was recorded on this character's skeleton.
+fn check_skeleton(take: &Take, character: &LoadedCharacter) -> Result<(), Failure> {
+    if take.skeleton() == Some(&character.skeleton) {
+        return Ok(());
+    }
+    let what = format!("the take was recorded on another skeleton than that of {}", character.name);
+    Err(Failure::usage(what, "name the character it was recorded with by --character"))
+}
+
 /// The take solved again with its roots following the feet as chosen.
 pub fn on_ground(
     take: &Take,
@@ -63,19 +72,9 @@ pub fn on_ground(
     character: &LoadedCharacter,
     progress: Progress<'_>,
 ) -> Result<Take, Failure> {
-    let skeleton = take.skeleton().filter(|&skeleton| skeleton == &character.skeleton);
-    if skeleton.is_none() {
-        let what = format!("the take was recorded on another skeleton than that of {}", character.name);
-        return Err(Failure::usage(what, "name the character it was recorded with by --character"));
-    }
+    check_skeleton(take, character)?;
     let mut completion = completion(take, character)?;
-    let is_pin_of_root = |pin: &PinnedBone| {
-        let bone = character.skeleton.find(&pin.bone);
-        bone.is_some_and(|bone| character.skeleton.bones()[bone].parent.is_none()) && pin.hold == PinHold::Fixed
-    };
-    let pins = completion.iter().flat_map(InverseKinematics::pins).filter(|pin| !is_pin_of_root(pin));
-    choice.check_pins(&pins.map(|pin| pin.to_string()).collect::<Vec<_>>())?;
-    let ground = choice.for_character(character)?;
+    let ground = choice.for_character(character, completion.as_ref())?;
     let completion = completion.as_mut().map(|ik| ik as &mut dyn PoseCompletion);
     solve_on_ground(take, ground.as_ref(), completion, progress).map_err(|e| Failure::input(e.to_string(), ""))
 }

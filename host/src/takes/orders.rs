@@ -10,6 +10,7 @@ use super::edits;
 use super::exports::{self, Options, Target};
 use super::library::{self, Library};
 use super::opened::{self, OpenedTake};
+use crate::characters::ground::GroundArgs;
 use crate::failure::Failure;
 use crate::files::{self, Overwrite};
 use crate::{characters, settings, takes};
@@ -144,7 +145,7 @@ fn export(
     options.settings.resample.range_seconds = order.range;
     let list = opened::list_of(&order.take);
     let (take, edited) = if list.exists() {
-        let applied = edits::apply(&list, &edits::read(&list)?, None, progress)?;
+        let applied = edits::apply(&list, &edits::read(&list)?, None, &GroundArgs::default(), progress)?;
         (applied.take, Some(applied.edited))
     } else {
         (takes::read(&order.take)?.0, None)

@@ -46,6 +46,9 @@ fn an_edit_list_is_built_step_by_step_and_exported_and_the_takes_stay() {
     }
     assert!(shown.err.contains("zero phase"), "{shown:?}");
     place.done(&["export", "walk.edit", "--to", "walk.bvh", "--fps", "24"]);
+    // On the floor it is another motion, without a change of the take.
+    place.done(&["export", "walk.edit", "--to", "grounded.bvh", "--fps", "24", "--ground", "walk"]);
+    assert!(place.read("grounded.bvh") != place.read("walk.bvh"));
     place.done(&["export", "walk.edit", "--to", "walk.glb", "--fps", "24", "--reduce-keys"]);
     let bvh = armature_formats::motion::read_bvh(&place.read("walk.bvh")).unwrap().motion;
     assert_eq!(bvh.frames.len(), 32, "1.3 s at 24 frames a second");

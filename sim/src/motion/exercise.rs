@@ -6,8 +6,8 @@
 
 use std::f64::consts::TAU;
 
-use super::play::{JointTrack, TrackEnd};
 use super::procedural::{ARMS_DOWN, Role, Side};
+use super::track::{JointTrack, TrackEnd};
 use crate::body::Body;
 use crate::rotation::{IDENTITY, Rotation, about, product};
 

@@ -4,7 +4,7 @@ use armature_rig::{JointTreeError, Motion, Skeleton, skeleton_puppet};
 use firmware_protocol::PartKind;
 use glam::DQuat;
 
-use super::play::{JointTrack, TrackEnd};
+use super::track::{JointTrack, TrackEnd};
 use crate::body::{Body, BodyBuilder, BodyError};
 
 /// Why a puppet cannot play a motion.

@@ -8,11 +8,13 @@ mod play;
 mod procedural;
 #[cfg(feature = "serve")]
 mod retarget;
+mod track;
 
 pub use exercise::Exercise;
 #[cfg(feature = "serve")]
 pub use file::{MotionFileError, puppet_from_motion};
 pub(crate) use play::Player;
-pub use play::{JointTrack, Motion, TrackEnd, sweep_stops};
+pub use play::{Motion, sweep_stops};
 #[cfg(feature = "serve")]
 pub use retarget::{Retargeted, retarget};
+pub use track::{JointTrack, TrackEnd};

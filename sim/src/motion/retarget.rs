@@ -4,7 +4,7 @@ use armature_rig::{Bone, Motion, Skeleton, Transform};
 use glam::{DQuat, DVec3, Vec3};
 
 use super::file::{MotionFileError, model_rotations};
-use super::play::{JointTrack, TrackEnd};
+use super::track::{JointTrack, TrackEnd};
 use crate::body::Body;
 
 /// A joint of the human preset: label, how it turns, where its bone points in T-pose, and the names that motion files

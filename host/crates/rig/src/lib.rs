@@ -60,7 +60,7 @@ pub use calibration::{
 };
 pub use dynamics::{Dynamics, DynamicsError, SpringBone, SpringBones, SpringChain, SpringCollider};
 pub use filter::{DEFAULT_PATIENCE_SECONDS, Filter, FilterError, OneEuro};
-pub use ground::{Ground, GroundContact, GroundError, GroundMode, GroundPoint, Standing};
+pub use ground::{Footing, Ground, GroundContact, GroundError, GroundMode, GroundPoint, Standing};
 pub use mapping::{
     DriveAxis, LEAST_REST_TURN, MOST_CURL, Mapping, MappingEntry, MappingError, Proposal, PuppetHints, PuppetKind,
     RestMatch, RestPose, RestTurn, ShapeDrive, SharedJoint, Sharing, carried, match_rest, match_rest_pose, propose,

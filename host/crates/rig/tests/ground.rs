@@ -5,6 +5,8 @@
 use armature_rig::{Bone, Ground, GroundContact, GroundError, GroundMode, Pose, Skeleton, Transform};
 use glam::{Affine3A, Quat, Vec3};
 
+/// Joints turn all bones.
+const DRIVEN: [bool; 7] = [true; 7];
 const SAMPLE_MICROS: u64 = 5_000;
 /// Of thigh and shin together.
 const LEG: f32 = 0.9;
@@ -83,9 +85,10 @@ fn a_walk_leads_as_far_as_its_steps_and_the_foot_on_the_floor_stays() {
     let mut before: Option<Vec3> = None;
     for sample in 0..cycles * samples_a_cycle {
         let mut pose = walking(&skeleton, f32::from(sample) / f32::from(samples_a_cycle));
-        contact.follow(SAMPLE_MICROS * u64::from(sample), &skeleton, &mut pose);
+        contact.follow(SAMPLE_MICROS * u64::from(sample), &skeleton, &DRIVEN, &mut pose);
         let places = places(&skeleton, &contact, &pose);
-        let (bone, point) = contact.anchor().expect("a foot carries");
+        let point = contact.standing().next().expect("a foot carries");
+        let bone = contact.ground().points[point].bone;
         held = match held {
             Some((same, place)) if same == point => {
                 slide = slide.max((places[point] - place).with_y(0.0).length());
@@ -120,7 +123,12 @@ fn standing_comes_back_to_its_spot() {
     let (skeleton, mut contact) = ground(GroundMode::Stand);
     for sample in 0..1600_u64 {
         // Steps, then both feet on the floor, one before the other.
-        contact.follow(SAMPLE_MICROS * sample, &skeleton, &mut walking(&skeleton, sample.min(205) as f32 / 200.0));
+        contact.follow(
+            SAMPLE_MICROS * sample,
+            &skeleton,
+            &DRIVEN,
+            &mut walking(&skeleton, sample.min(205) as f32 / 200.0),
+        );
         assert!(contact.offset().with_y(0.0).length() < 1.5, "{}", contact.offset());
         if sample > 1500 {
             assert!(contact.offset().with_y(0.0).length() < 0.03, "{}", contact.offset());
@@ -135,7 +143,7 @@ fn the_same_again_after_a_restart_to_the_last_bit() {
         contact.restart();
         let poses = (0..300_u64).map(|sample| {
             let mut pose = walking(&skeleton, sample as f32 * 0.007);
-            contact.follow(SAMPLE_MICROS * sample, &skeleton, &mut pose);
+            contact.follow(SAMPLE_MICROS * sample, &skeleton, &DRIVEN, &mut pose);
             pose
         });
         poses.collect::<Vec<Pose>>()
@@ -146,16 +154,16 @@ fn the_same_again_after_a_restart_to_the_last_bit() {
 #[test]
 fn nonsense_moves_nothing_and_is_named() {
     let (skeleton, mut contact) = ground(GroundMode::Walk);
-    contact.follow(0, &skeleton, &mut walking(&skeleton, 0.03));
+    contact.follow(0, &skeleton, &DRIVEN, &mut walking(&skeleton, 0.03));
     let before = contact.offset();
     let mut broken = walking(&skeleton, 0.04);
     broken.parent_from_bone[2].rotation.x = f32::NAN;
-    contact.follow(u64::MAX, &skeleton, &mut broken);
+    contact.follow(u64::MAX, &skeleton, &DRIVEN, &mut broken);
     assert_eq!(contact.offset(), before);
     // A clock that goes back, and one that leaps.
     for micros in [5, u64::MAX, 0] {
         let mut pose = walking(&skeleton, 0.04);
-        contact.follow(micros, &skeleton, &mut pose);
+        contact.follow(micros, &skeleton, &DRIVEN, &mut pose);
         assert!(pose.parent_from_bone.iter().all(Transform::is_finite));
     }
     let of = |contacts: &[usize]| Ground::of_skeleton(&skeleton, GroundMode::Walk, contacts);
@@ -165,4 +173,120 @@ fn nonsense_moves_nothing_and_is_named() {
     assert_eq!(none, Err(GroundError::NoPlace { name: "left foot".into() }));
     let nan = Ground { floor: f32::NAN, ..of(&[3]).unwrap() };
     assert!(GroundContact::new(&skeleton, nan).is_err());
+}
+
+/// Where both ends of the feet are, and the knees' bend, radians.
+fn feet(skeleton: &Skeleton, pose: &Pose) -> ([Vec3; 4], [f32; 2]) {
+    let mut frames = vec![Affine3A::IDENTITY; skeleton.len()];
+    pose.forward_kinematics(skeleton, &mut frames);
+    let ends = [3, 6].map(|foot| [Vec3::ZERO, skeleton.bones()[foot].tail].map(|at| frames[foot].transform_point3(at)));
+    let bends = [2, 5].map(|shin| {
+        let (axis, angle) = pose.parent_from_bone[shin].rotation.to_axis_angle();
+        angle * axis.x.signum()
+    });
+    ([ends[0][0], ends[0][1], ends[1][0], ends[1][1]], bends)
+}
+
+#[test]
+fn legs_without_joints_bend_under_hips_that_a_joint_turns() {
+    for mode in [GroundMode::Stand, GroundMode::Walk] {
+        let (skeleton, mut contact) = ground(mode);
+        let driven = [true, false, false, false, false, false, false];
+        let rest = feet(&skeleton, &skeleton.rest_pose()).0;
+        let (mut before, mut quickest, mut lowest) = (None, 0.0_f32, f32::INFINITY);
+        for sample in 0..800_u64 {
+            let at = sample as f32 * 0.01;
+            let mut pose = skeleton.rest_pose();
+            let turn = Quat::from_rotation_y(0.5 * (0.7 * at).sin()) * Quat::from_rotation_z(0.25 * at.sin());
+            pose.parent_from_bone[0].rotation = turn * Quat::from_rotation_x(0.3 * (1.3 * at).sin());
+            let given = pose.parent_from_bone[0].rotation;
+            contact.follow(SAMPLE_MICROS * sample, &skeleton, &driven, &mut pose);
+            assert_eq!(pose.parent_from_bone[0].rotation, given, "the joint is obeyed");
+            let (ends, bends) = feet(&skeleton, &pose);
+            for (end, rest) in ends.iter().zip(rest) {
+                assert!(end.distance(rest) < 6e-4, "{sample}: a foot is {} away", end.distance(rest));
+            }
+            assert!(bends.iter().all(|bend| *bend > -0.01), "{sample}: {bends:?}");
+            assert_eq!(contact.standing().count(), 2);
+            if let Some(before) = before.replace(bends) {
+                let quick = [0, 1].map(|knee: usize| (bends[knee] - before[knee]).abs());
+                quickest = quickest.max(quick[0]).max(quick[1]);
+            }
+            lowest = lowest.min(pose.parent_from_bone[0].translation.y);
+        }
+        println!("{mode:?}: a knee bends by {quickest} in a sample at most, the hips sink to {lowest}");
+        assert!(quickest < 0.1 && (0.85..0.999).contains(&lowest));
+    }
+}
+
+#[test]
+fn a_standing_foot_faces_where_it_did_while_the_hips_turn() {
+    let (skeleton, mut contact) = ground(GroundMode::Walk);
+    let mut first = None;
+    for sample in 0..400_u64 {
+        let at = sample as f32 * 0.01;
+        let mut pose = walking(&skeleton, 0.3);
+        // The right foot is up.
+        pose.parent_from_bone[4].rotation = Quat::from_rotation_x(-0.6);
+        pose.parent_from_bone[0].rotation = Quat::from_rotation_y(0.6 * at.sin());
+        contact.follow(SAMPLE_MICROS * sample, &skeleton, &DRIVEN, &mut pose);
+        let ends = feet(&skeleton, &pose).0;
+        let there = *first.get_or_insert(ends);
+        let slid = ends[0].distance(there[0]).max(ends[1].distance(there[1]));
+        assert!(slid < 1e-4, "{sample}: the foot that carries turns or slides by {slid}");
+    }
+}
+
+#[test]
+fn roots_that_something_else_places_are_only_raised() {
+    let (skeleton, contact) = ground(GroundMode::Walk);
+    let held = Ground { is_held: true, ..contact.ground().clone() };
+    let mut contact = GroundContact::new(&skeleton, held).unwrap();
+    for (sample, (moved, expected)) in [(0.3, 0.3), (0.0, 0.0), (-0.2, 0.0)].into_iter().enumerate() {
+        let mut pose = skeleton.rest_pose();
+        pose.parent_from_bone[0].translation += Vec3::new(0.4, moved, -0.1);
+        contact.follow(SAMPLE_MICROS * sample as u64, &skeleton, &DRIVEN, &mut pose);
+        let root = pose.parent_from_bone[0].translation;
+        assert!(root.distance(Vec3::new(0.4, 1.0 + expected, -0.1)) < 1e-5, "{moved}: {root}");
+    }
+    assert_eq!(contact.standing().count(), 0);
+}
+
+#[test]
+fn a_floor_above_the_hips_is_doubted_and_finite() {
+    let skeleton = legs();
+    assert_eq!(Ground::of_skeleton(&skeleton, GroundMode::Walk, &[3, 6]).unwrap().doubt(&skeleton), None);
+    let upside_down = Ground { floor: 3.0, ..Ground::of_skeleton(&skeleton, GroundMode::Walk, &[3]).unwrap() };
+    assert!(upside_down.doubt(&skeleton).unwrap().contains("left foot"));
+    let mut contact = GroundContact::new(&skeleton, upside_down).unwrap();
+    let mut before: Option<Vec3> = None;
+    for sample in 0..100_u64 {
+        let mut pose = walking(&skeleton, sample as f32 * 0.005);
+        contact.follow(SAMPLE_MICROS * sample, &skeleton, &DRIVEN, &mut pose);
+        let root = pose.parent_from_bone[0].translation;
+        assert!(root.is_finite() && before.is_none_or(|before| before.distance(root) < 0.05), "{root}");
+        before = Some(root);
+    }
+    // No feet at all: nothing to stand on, and said so.
+    assert!(Ground::of_skeleton(&skeleton, GroundMode::Walk, &[]).is_err());
+}
+
+#[test]
+fn feet_are_let_go_and_put_down_without_a_jump_when_joints_come_and_go() {
+    let (skeleton, mut contact) = ground(GroundMode::Walk);
+    let mut before: Option<[Vec3; 4]> = None;
+    for sample in 0..600_u64 {
+        let mut pose = skeleton.rest_pose();
+        pose.parent_from_bone[0].rotation = Quat::from_rotation_z(0.15 * (sample as f32 * 0.02).sin());
+        let mut driven = DRIVEN;
+        if !(200..400).contains(&sample) {
+            driven[1..].fill(false);
+        }
+        contact.follow(SAMPLE_MICROS * sample, &skeleton, &driven, &mut pose);
+        let ends = feet(&skeleton, &pose).0;
+        if let Some(before) = before.replace(ends) {
+            let moved = ends.iter().zip(before).map(|(a, b)| a.distance(b)).fold(0.0, f32::max);
+            assert!(moved < 0.015, "{sample}: a foot jumps by {moved}");
+        }
+    }
 }

@@ -78,7 +78,7 @@ pub use keys::{KeyError, KeyReport, KeySettings, ReducedKeys, reduce_keys};
 pub use receipt::{Arrival, FilterLag, Jitter, LAG_AT_SPEEDS, Posing, Receipt, receipt};
 pub use replay::{
     Completing, Difference, ReplayError, ReplaySummary, Replayed, SettingError, Verification, replay, solve_again,
-    solve_on_ground, verify, verify_completed,
+    solve_on_ground, verify, verify_completed, with_ground,
 };
 pub use shapes::ShapeTrack;
 pub use summary::{SilentJoint, Summary, summarize};

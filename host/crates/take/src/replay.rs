@@ -305,8 +305,21 @@ pub fn solve_again(
     Ok((poses, summary))
 }
 
+/// The take as if its roots had followed the feet like this from its start on, or not at all with `None`; whatever it says
+/// itself of the ground is left out. Its poses stay as they are until its samples are solved again.
+pub fn with_ground(take: &Take, ground: Option<&Ground>) -> Take {
+    let mut records = Vec::with_capacity(take.records().len() + 1);
+    for record in take.records().iter().filter(|record| !matches!(record, Record::Ground(_))) {
+        records.push(record.clone());
+        if let (Record::Skeleton(_), Some(ground)) = (record, ground) {
+            records.push(Record::Ground(Some(ground.clone())));
+        }
+    }
+    take.with_records(records)
+}
+
 /// The take with its samples solved again, the roots following the feet like this from its start on, or not at all with
-/// `None`; whatever it says itself of the ground is left out. Poses without a sample are left out too.
+/// `None` ([`with_ground`]). Poses without a sample are left out.
 ///
 /// `completion` as for [`replay`]; `progress` is called with the current stage and the fraction done, 0 to 1, and can stop
 /// the work with [`ControlFlow::Break`].
@@ -316,14 +329,9 @@ pub fn solve_on_ground(
     completion: Completing<'_>,
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Take, ReplayError> {
-    let mut records = Vec::with_capacity(take.records().len() + 1);
-    for record in take.records().iter().filter(|record| !matches!(record, Record::Ground(_) | Record::Pose(_))) {
-        records.push(record.clone());
-        if let (Record::Skeleton(_), Some(ground)) = (record, ground) {
-            records.push(Record::Ground(Some(ground.clone())));
-        }
-    }
-    let take = take.with_records(records);
+    let take = with_ground(take, ground);
+    let records = take.records().iter().filter(|record| !matches!(record, Record::Pose(_)));
+    let take = take.with_records(records.cloned().collect());
     let (poses, _) = solve_again(&take, completion, progress)?;
     let mut poses = poses.into_iter().peekable();
     let mut records = Vec::with_capacity(take.records().len() + poses.len());

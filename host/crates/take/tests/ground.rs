@@ -5,8 +5,8 @@
 use std::ops::ControlFlow;
 
 use armature_rig::{
-    Bone, Calibration, Ground, GroundMode, PartUid, RawSample, SensorState, Skeleton, StreamSolver, Transform, propose,
-    skeleton_puppet,
+    Bone, Calibration, Footing, Ground, GroundMode, PartUid, RawSample, SensorState, Skeleton, StreamSolver, Transform,
+    propose, skeleton_puppet,
 };
 use armature_take::{Header, PayloadError, Problem, Record, RecordKind, Take, TakeWriter, solve_on_ground, verify};
 use glam::Vec3;
@@ -103,5 +103,27 @@ fn a_floor_for_another_skeleton_is_named_and_passed_over() {
             [Problem::Unusable { kind: RecordKind::Ground, reason: PayloadError::Ground(_), .. }]
         );
         assert!(named && read.ground().is_none(), "{report}");
+    }
+}
+
+/// Written by the program that first had a floor; never to be renewed.
+#[test]
+fn takes_of_the_first_floor_replay_bit_for_bit() {
+    for bytes in [&include_bytes!("golden/ground-1-walk.take")[..], include_bytes!("golden/ground-1-stand.take")] {
+        let (read, report) = Take::read(bytes).unwrap();
+        assert!(report.is_whole(), "{report}");
+        let ground = read.ground().unwrap();
+        assert_eq!((ground.footing, ground.is_held), (Footing::Point, false));
+        assert_eq!(read.write(Vec::new()).unwrap(), bytes);
+        let verification = verify(&read, &mut keep_going).unwrap();
+        assert!(verification.is_exact(), "{verification:?}");
+        // With soles it is another motion.
+        let sole = Ground { footing: Footing::Sole, ..ground.clone() };
+        let again = solve_on_ground(&read, Some(&sole), None, &mut keep_going).unwrap();
+        assert!(verify(&again, &mut keep_going).unwrap().is_exact());
+        assert!(!again.poses().eq(read.poses()));
+        let held = Ground { is_held: true, ..sole };
+        let written = solve_on_ground(&read, Some(&held), None, &mut keep_going).unwrap().write(Vec::new()).unwrap();
+        assert_eq!(Take::read(&written).unwrap().0.ground(), Some(&held));
     }
 }

@@ -1,8 +1,11 @@
 //! Roots that follow the foot on the floor.
 
-use glam::{Affine3A, DVec2, DVec3, Vec3, Vec3Swizzles as _};
+use glam::{Affine3A, DQuat, DVec2, DVec3, Vec3, Vec3Swizzles as _};
 
-use super::settings::{Ground, GroundError, GroundMode, groups};
+use super::leg::{Leg, turn_of};
+use super::placed::{PlacedFeet, PlacedFoot, heading, wrapped};
+use super::settings::{Footing, Ground, GroundError, GroundMode, groups};
+use crate::recognise::recognise;
 use crate::skeleton::{Pose, Skeleton};
 
 /// A foot no higher above the floor than this share of the character's height, and slow, carries it.
@@ -15,6 +18,9 @@ const SLOW: f64 = 0.5;
 const LOWER: f64 = 0.003;
 /// A foot that has come to carry takes over after this time, seconds: the next step leads away from it.
 const TAKES_OVER: f64 = 0.03;
+/// It does so no sooner than it is slower than this share of [`SLOW`] and on the floor, or what is left of its swing would
+/// drag the other foot along.
+const STILL: f64 = 0.25;
 /// A foot that carries gives way to another one that does and is lower by this share of [`GROUND_TOUCHED`].
 const GIVES_WAY: f64 = 0.25;
 /// Speeds are averaged over this time, seconds.
@@ -25,6 +31,14 @@ const LONGEST_STEP: f64 = 0.05;
 const SPOT: f64 = 0.02;
 /// How quickly a standing character glides back, 1/seconds (a critically damped spring).
 const RETURN_RATE: f64 = 4.0;
+/// It faces as it should within this, radians.
+const FACING: f64 = 0.03;
+/// A foot whose points on the floor reach this far from the one that stays, as shares of the height, begins to say where it
+/// faces, and says so surely: not the tip of a spider's leg, nor toes of which the heel is up.
+const SOLE: [f64; 2] = [0.05, 0.09];
+/// With no foot that carries, the last one that did still leads the roots up to this share of the height: another foot
+/// scuffs the floor while it swings.
+const SCUFFED: f64 = 0.08;
 
 /// One contact and what it does.
 #[derive(Clone, Debug, Default)]
@@ -40,6 +54,13 @@ struct Foot {
     carries: bool,
     /// Since when, seconds.
     carried: f64,
+    /// Its bone, and how that was turned in the last pose, before the roots were moved.
+    bone: usize,
+    turn: DQuat,
+    /// The inverse of how it is turned at rest.
+    rest_turn: DQuat,
+    /// Where its point was when it came to stand beside the foot that carries.
+    beside: Option<(usize, DVec2)>,
 }
 
 /// Moves the roots of poses so that the foot that carries stays where it is and the lowest point is on the floor. Uses
@@ -53,12 +74,16 @@ pub struct GroundContact {
     height: f64,
     roots: Vec<usize>,
     feet: Vec<Foot>,
+    /// The inverse of how the first root is turned at rest.
+    rest_turn: DQuat,
     frames: Vec<Affine3A>,
     /// All points in model space, before the roots are moved.
     places: Vec<DVec3>,
     rest: Vec<DVec2>,
     /// Of each point over the floor, smoothed.
     averages: Vec<DVec2>,
+    /// Feet whose legs can bend.
+    placed: Option<PlacedFeet>,
     state: State,
 }
 
@@ -70,6 +95,11 @@ struct State {
     /// The foot that the roots follow, and where its point stays.
     anchor: Option<(usize, DVec2)>,
     gliding: DVec2,
+    /// How the roots are turned about +Y through the model's origin, radians, before they are moved by the offset.
+    heading: f64,
+    turning: f64,
+    /// How far a foot was dragged that stood beside the one that carries, mesh units.
+    dragged: f64,
 }
 
 impl GroundContact {
@@ -82,15 +112,19 @@ impl GroundContact {
             points.collect::<Vec<_>>()
         };
         let feet = (0..ground.contacts.len()).map(of).filter(|points| !points.is_empty());
-        let feet = feet.map(|points| Foot { point: points[0], points, ..Foot::default() }).collect();
+        let bone_of = |point: usize| ground.contacts[groups[ground.points[point].bone].unwrap_or(0)];
+        let foot = |points: Vec<usize>| Foot { point: points[0], bone: bone_of(points[0]), points, ..Foot::default() };
+        let feet: Vec<Foot> = feet.map(foot).collect();
         let mut contact = Self {
             height: 1.0,
             roots: (0..skeleton.len()).filter(|&bone| skeleton.bones()[bone].parent.is_none()).collect(),
             feet,
+            rest_turn: DQuat::IDENTITY,
             frames: vec![Affine3A::IDENTITY; skeleton.len()],
             places: vec![DVec3::ZERO; ground.points.len()],
             rest: Vec::new(),
             averages: vec![DVec2::ZERO; ground.points.len()],
+            placed: None,
             state: State::default(),
             ground,
         };
@@ -99,7 +133,27 @@ impl GroundContact {
         let floor = f64::from(contact.ground.floor);
         let highest = contact.places.iter().fold(floor, |high, place| high.max(place.y));
         contact.height = if highest > floor { highest - floor } else { 1.0 };
+        contact.rest_turn =
+            contact.roots.first().map_or(DQuat::IDENTITY, |&root| turn_of(&contact.frames[root]).inverse());
+        for foot in &mut contact.feet {
+            foot.rest_turn = turn_of(&contact.frames[foot.bone]).inverse();
+        }
+        contact.placed = contact.placed_feet(skeleton);
         Ok(contact)
+    }
+
+    /// The feet, if each of them ends a leg that can bend. The skeleton is at rest.
+    fn placed_feet(&self, skeleton: &Skeleton) -> Option<PlacedFeet> {
+        if self.ground.footing == Footing::Point {
+            return None;
+        }
+        let (recognition, floor) = (recognise(skeleton), f64::from(self.ground.floor));
+        let placed = self.feet.iter().map(|foot| {
+            let leg = Leg::above(skeleton, &recognition, foot.bone)?;
+            Some(PlacedFoot::new(foot.bone, leg, &foot.points, &self.places, &self.frames, floor))
+        });
+        let bones: Vec<usize> = self.ground.points.iter().map(|point| point.bone).collect();
+        Some(PlacedFeet::new(placed.collect::<Option<Vec<_>>>()?, skeleton, &bones, self.height, floor))
     }
 
     /// How the character stands.
@@ -112,31 +166,49 @@ impl GroundContact {
         self.state.offset.as_vec3()
     }
 
-    /// The bone whose point stays in place now, and that point among [`Ground::points`]; `None` while no foot carries.
-    pub fn anchor(&self) -> Option<(usize, usize)> {
-        let (foot, _) = self.state.anchor?;
-        let point = self.feet[foot].point;
-        Some((self.ground.points[point].bone, point))
+    /// The points among [`Ground::points`] that stay in place now: one of the foot that the roots follow, or of every foot
+    /// where no joint turns the legs. None where something else places the roots and joints turn the legs.
+    pub fn standing(&self) -> impl Iterator<Item = usize> + '_ {
+        let anchor = self.state.anchor.map(|(foot, _)| self.feet[foot].point);
+        anchor.into_iter().chain(self.placed.iter().flat_map(PlacedFeet::standing))
+    }
+
+    /// How far the puppet's legs dragged a foot over the floor that stood beside the one that stays, mesh units: both could
+    /// only stay if the legs did not do what their joints say.
+    pub fn dragged(&self) -> f32 {
+        self.state.dragged as f32
     }
 
     /// Forgets where it is: the next pose is the first.
     pub fn restart(&mut self) {
         self.state = State::default();
-        self.feet
-            .iter_mut()
-            .for_each(|foot| *foot = Foot { points: std::mem::take(&mut foot.points), ..Foot::default() });
+        self.feet.iter_mut().for_each(|foot| {
+            let (points, bone, rest_turn) = (std::mem::take(&mut foot.points), foot.bone, foot.rest_turn);
+            *foot = Foot { points, bone, rest_turn, ..Foot::default() };
+        });
         self.feet.iter_mut().for_each(|foot| foot.point = foot.points[0]);
+        self.placed.iter_mut().for_each(PlacedFeet::restart);
     }
 
-    /// Moves the roots of the next pose. `micros`: the device's clock. A pose that is not finite is moved like the one
-    /// before it. Allocates nothing.
-    pub fn follow(&mut self, micros: u64, skeleton: &Skeleton, pose: &mut Pose) {
+    /// Moves the roots of the next pose, and bends legs that no joint turns. `micros`: the device's clock; `driven`: for each
+    /// bone, whether a joint turns it. A pose that is not finite is moved like the one before it. Allocates nothing.
+    pub fn follow(&mut self, micros: u64, skeleton: &Skeleton, driven: &[bool], pose: &mut Pose) {
         let is_first = self.state.micros.is_none();
         let passed = self.state.micros.map_or(0, |before| micros.saturating_sub(before));
         let seconds = (passed as f64 * 1e-6).min(LONGEST_STEP);
         self.locate(skeleton, pose);
-        if self.places.iter().all(|place| place.is_finite()) {
-            self.state.micros = Some(micros);
+        if !self.places.iter().all(|place| place.is_finite()) {
+            self.move_roots(pose);
+            return;
+        }
+        self.state.micros = Some(micros);
+        let placed = self.placed.as_mut().map_or(0.0, |feet| feet.settle(feet.are_free(driven), is_first, seconds));
+        if self.ground.is_held {
+            self.lift();
+        } else if placed < 1.0 {
+            if self.ground.footing == Footing::Sole {
+                self.face(is_first);
+            }
             self.stand();
             if is_first {
                 let offset = self.state.offset.xz();
@@ -147,10 +219,73 @@ impl GroundContact {
             if self.ground.mode == GroundMode::Stand {
                 self.glide(seconds);
             }
+        } else {
+            self.state.anchor = None;
         }
-        let offset = self.state.offset.as_vec3();
+        if placed > 0.0 {
+            self.bend_legs(placed, skeleton, driven, pose);
+        } else {
+            self.move_roots(pose);
+        }
+    }
+
+    fn move_roots(&self, pose: &mut Pose) {
+        let State { offset, heading, .. } = self.state;
+        let turn = (heading != 0.0).then(|| DQuat::from_rotation_y(heading));
         for &root in &self.roots {
-            pose.parent_from_bone[root].translation += offset;
+            let root = &mut pose.parent_from_bone[root];
+            if let Some(turn) = turn {
+                root.translation = (turn * root.translation.as_dvec3()).as_vec3();
+                root.rotation = (turn * root.rotation.as_dquat()).normalize().as_quat();
+            }
+            root.translation += offset.as_vec3();
+        }
+    }
+
+    /// Roots that something else places are only raised, as far as the lowest point needs.
+    fn lift(&mut self) {
+        let lowest = self.places.iter().fold(f64::INFINITY, |low, place| low.min(place.y));
+        self.state.offset = DVec3::new(0.0, (f64::from(self.ground.floor) - lowest).max(0.0), 0.0);
+    }
+
+    /// Legs that no joint turns bend, and the roots sink as far as those must. `share`: how far they have come to do so.
+    fn bend_legs(&mut self, share: f64, skeleton: &Skeleton, driven: &[bool], pose: &mut Pose) {
+        let by_joints = std::mem::replace(&mut self.state.offset.y, 0.0);
+        self.move_roots(pose);
+        self.locate(skeleton, pose);
+        let Some(feet) = &mut self.placed else { return };
+        let facing = self.roots.first().map_or(0.0, |&root| heading(turn_of(&self.frames[root]) * self.rest_turn));
+        feet.aim(&self.places, &self.frames, driven, facing);
+        let rise = if self.ground.is_held { feet.raised(&self.places) } else { feet.rise(&self.places, &self.frames) };
+        self.state.offset.y = by_joints + (rise - by_joints) * share;
+        let up = Vec3::new(0.0, self.state.offset.y as f32, 0.0);
+        for &root in &self.roots {
+            pose.parent_from_bone[root].translation += up;
+        }
+        self.frames.iter_mut().for_each(|frame| frame.translation += glam::Vec3A::from(up));
+        feet.bend(skeleton, pose, &mut self.frames);
+    }
+
+    /// The foot that carries faces where it did, as far as its sole is on the floor; turns all places.
+    fn face(&mut self, is_first: bool) {
+        for (index, foot) in self.feet.iter_mut().enumerate() {
+            let now = turn_of(&self.frames[foot.bone]);
+            if self.state.anchor.is_some_and(|(anchor, _)| anchor == index) && !is_first {
+                let lowest = foot.points.iter().fold(f64::INFINITY, |low, &point| low.min(self.places[point].y));
+                let touched = GROUND_TOUCHED * self.height;
+                let reach = |&point: &usize| {
+                    let near = 1.0 - (self.places[point].y - lowest) / touched;
+                    near.max(0.0) * self.places[point].xz().distance(self.places[foot.point].xz())
+                };
+                let furthest = foot.points.iter().map(reach).fold(0.0, f64::max) / self.height;
+                let flat = ((furthest - SOLE[0]) / (SOLE[1] - SOLE[0])).clamp(0.0, 1.0);
+                self.state.heading -= flat * heading(now * foot.turn.inverse());
+            }
+            foot.turn = now;
+        }
+        if self.state.heading != 0.0 {
+            let turn = DQuat::from_rotation_y(self.state.heading);
+            self.places.iter_mut().for_each(|place| *place = turn * *place);
         }
     }
 
@@ -210,8 +345,12 @@ impl GroundContact {
         }
         let lower = |a: &usize, b: &usize| self.feet[*a].height.total_cmp(&self.feet[*b].height);
         let carrying = (0..self.feet.len()).filter(|&foot| self.feet[foot].carries).min_by(lower);
+        let is_down = |foot: &Foot| {
+            self.ground.footing == Footing::Point || (foot.height <= LOWER * self.height && foot.speed <= STILL * slow)
+        };
         let newest = (0..self.feet.len())
             .filter(|&foot| self.feet[foot].carries && self.feet[foot].carried >= TAKES_OVER)
+            .filter(|&foot| is_down(&self.feet[foot]))
             .min_by(|&a, &b| self.feet[a].carried.total_cmp(&self.feet[b].carried));
         let lowest = || (0..self.feet.len()).min_by(lower).filter(|&foot| self.feet[foot].height <= touched);
         let stays = anchor.filter(|&foot| {
@@ -220,14 +359,32 @@ impl GroundContact {
         });
         let takes_over =
             newest.filter(|&new| stays.is_some_and(|foot| self.feet[new].carried < self.feet[foot].carried));
+        let scuffed = anchor
+            .filter(|&foot| self.ground.footing == Footing::Sole && self.feet[foot].height <= SCUFFED * self.height);
         // With no foot that carries nothing says how fast the lowest one is, so it is taken as it is.
-        let chosen = takes_over.or(stays).or(carrying).or_else(lowest);
+        let chosen = takes_over.or(stays).or(carrying).or(scuffed).or_else(lowest);
         if let Some(foot) = chosen {
             self.feet[foot].carries = true;
         }
         if chosen != anchor {
             let offset = self.state.offset.xz();
             self.state.anchor = chosen.map(|foot| (foot, self.places[self.feet[foot].point].xz() + offset));
+        }
+        self.see_what_is_dragged(chosen);
+    }
+
+    fn see_what_is_dragged(&mut self, anchor: Option<usize>) {
+        let offset = self.state.offset.xz();
+        for (index, foot) in self.feet.iter_mut().enumerate() {
+            let stands = foot.carries && anchor != Some(index) && foot.height <= LOWER * self.height;
+            let place = self.places[foot.point].xz() + offset;
+            foot.beside = match foot.beside.filter(|(point, _)| *point == foot.point) {
+                Some((_, since)) if stands => {
+                    self.state.dragged = self.state.dragged.max(place.distance(since));
+                    foot.beside
+                }
+                _ => stands.then_some((foot.point, place)),
+            };
         }
     }
 
@@ -245,5 +402,32 @@ impl GroundContact {
             *place += step;
             self.state.offset += DVec3::new(step.x, 0.0, step.y);
         }
+        if self.ground.footing == Footing::Sole {
+            self.turn_back(all, seconds);
+        }
+    }
+
+    /// The same for where it faces: the feet turn about their middle until they are as at rest.
+    fn turn_back(&mut self, all: bool, seconds: f64) {
+        let offset = self.state.offset.xz();
+        let count = self.feet.len().max(1) as f64;
+        let middle = self.feet.iter().map(|foot| self.places[foot.point].xz() + offset).sum::<DVec2>() / count;
+        let facing = |foot: &Foot| wrapped(self.state.heading + heading(foot.turn * foot.rest_turn));
+        let away = self.feet.iter().map(facing).sum::<f64>() / count;
+        let beyond = away - away.clamp(-FACING, FACING);
+        let pull = if all { -RETURN_RATE * RETURN_RATE * beyond } else { 0.0 };
+        self.state.turning += (pull - 2.0 * RETURN_RATE * self.state.turning) * seconds;
+        let step = self.state.turning * seconds;
+        let Some((foot, place)) = &mut self.state.anchor else { return };
+        if step == 0.0 {
+            return;
+        }
+        let turn = DQuat::from_rotation_y(step);
+        let turned = |v: DVec2| (turn * DVec3::new(v.x, 0.0, v.y)).xz();
+        *place = middle + turned(*place - middle);
+        self.places.iter_mut().for_each(|place| *place = turn * *place);
+        let moved = *place - self.places[self.feet[*foot].point].xz();
+        (self.state.offset.x, self.state.offset.z) = (moved.x, moved.y);
+        self.state.heading = wrapped(self.state.heading + step);
     }
 }

@@ -20,6 +20,16 @@ pub enum GroundMode {
     Walk,
 }
 
+/// What of a foot stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Footing {
+    /// The lowest point of the one that carries; it turns about that point. So it was in the first takes with a floor.
+    Point,
+    /// Where it is and where it faces, as far as it lies on the floor. Where no joint turns any leg, all feet stay, and the
+    /// legs bend.
+    Sole,
+}
+
 /// A point of the skin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundPoint {
@@ -34,6 +44,11 @@ pub struct GroundPoint {
 pub struct Ground {
     /// How the roots follow.
     pub mode: GroundMode,
+    /// What stays of the feet.
+    pub footing: Footing,
+    /// Whether something else places the roots, such as pinned bones: they are only lifted where something would be below
+    /// the floor.
+    pub is_held: bool,
     /// The floor's height, mesh units.
     pub floor: f32,
     /// The bones that may carry the character, each with everything below it.
@@ -124,9 +139,24 @@ impl Ground {
         let above = floor + BESIDE_THE_FEET * (highest - floor);
         let counts = |point: &&(usize, Vec3)| groups[point.0].is_some() || height(point) > above;
         let points = points.iter().filter(counts).map(|&(bone, at)| GroundPoint { bone, at }).collect();
-        let ground = Self { mode, floor, contacts: contacts.to_vec(), points };
+        let (footing, is_held) = (Footing::Sole, false);
+        let ground = Self { mode, footing, is_held, floor, contacts: contacts.to_vec(), points };
         ground.check(skeleton)?;
         Ok(ground)
+    }
+
+    /// What of it is hardly meant, in a sentence: a floor above the middle of the skeleton at rest.
+    pub fn doubt(&self, skeleton: &Skeleton) -> Option<String> {
+        let segments = skeleton.rest_segments();
+        let below = segments.iter().filter(|(head, tail)| head.y.max(tail.y) < self.floor).count();
+        let contact = self.contacts.first().and_then(|&contact| skeleton.bones().get(contact))?;
+        (2 * below > segments.len()).then(|| {
+            format!(
+                "the floor is under {:?}, and {below} of {} bones are below it at rest; name feet as contacts",
+                contact.name,
+                segments.len()
+            )
+        })
     }
 
     /// Whether it can be used with a skeleton.

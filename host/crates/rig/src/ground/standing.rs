@@ -18,13 +18,15 @@ pub struct Standing {
     given_way: f64,
     micros: Option<u64>,
     offset: Vec3,
+    /// The pose as it was before the feet.
+    before: Pose,
 }
 
 impl Standing {
     /// Prepares for a skeleton.
     pub fn new(skeleton: &Skeleton, ground: Ground) -> Result<Self, GroundError> {
         let contact = GroundContact::new(skeleton, ground)?;
-        Ok(Self { contact, given_way: 0.0, micros: None, offset: Vec3::ZERO })
+        Ok(Self { contact, given_way: 0.0, micros: None, offset: Vec3::ZERO, before: Pose::default() })
     }
 
     /// How the roots follow the feet.
@@ -43,9 +45,9 @@ impl Standing {
         (self.given_way, self.micros, self.offset) = (0.0, None, Vec3::ZERO);
     }
 
-    /// Moves the roots of the next pose. `micros`: the device's clock; `is_held`: something else says where a root is.
-    /// Allocates nothing.
-    pub fn stand(&mut self, micros: u64, is_held: bool, skeleton: &Skeleton, pose: &mut Pose) {
+    /// Moves the roots of the next pose. `micros`: the device's clock; `is_held`: something else says where a root is;
+    /// `driven`: for each bone, whether a joint turns it. Allocates nothing.
+    pub fn stand(&mut self, micros: u64, is_held: bool, skeleton: &Skeleton, driven: &[bool], pose: &mut Pose) {
         let share = self.share(micros, is_held);
         if share <= 0.0 {
             self.contact.restart();
@@ -55,13 +57,20 @@ impl Standing {
         let root = skeleton.bones().iter().position(|bone| bone.parent.is_none());
         let place = |pose: &Pose| root.map_or(Vec3::ZERO, |root| pose.parent_from_bone[root].translation);
         let before = place(pose);
-        self.contact.follow(micros, skeleton, pose);
+        self.before.parent_from_bone.clone_from(&pose.parent_from_bone);
+        self.contact.follow(micros, skeleton, driven, pose);
         self.offset = place(pose) - before;
         if share < 1.0 {
             let back = self.offset * (share - 1.0) as f32;
             let roots = skeleton.bones().iter().zip(&mut pose.parent_from_bone);
             roots.filter(|(bone, _)| bone.parent.is_none()).for_each(|(_, local)| local.translation += back);
             self.offset += back;
+            // Where the roots face, and legs that were bent.
+            for (local, before) in pose.parent_from_bone.iter_mut().zip(&self.before.parent_from_bone) {
+                if local.rotation != before.rotation {
+                    local.rotation = before.rotation.slerp(local.rotation, share as f32).normalize();
+                }
+            }
         }
     }
 

@@ -42,6 +42,8 @@ pub struct StreamSolver {
     shapes: ShapeWeights,
     /// Where the mapping's shapes are among them.
     driven_shapes: Vec<usize>,
+    /// For each bone, whether a joint turned it in the latest pose.
+    driven: Vec<bool>,
 }
 
 /// Why a sample has no pose.
@@ -89,6 +91,7 @@ impl StreamSolver {
             dynamics: None,
             shapes: ShapeWeights::default(),
             driven_shapes: Vec::new(),
+            driven: Vec::new(),
         }
     }
 
@@ -217,8 +220,9 @@ impl StreamSolver {
     }
 
     /// The whole pose of the next sample: first the bones that joints drive ([`solve`](Self::solve)), then the others
-    /// by `completion`; without one they stay at rest. Then the roots follow the feet, where [`Self::set_ground`] says so and no
-    /// target holds them, and last bones swing ([`Self::set_dynamics`]). The weights of shapes are there afterwards.
+    /// by `completion`; without one they stay at rest. Then the roots follow the feet and legs that no joint turns bend, where
+    /// [`Self::set_ground`] says so and no target holds the roots, and last bones swing ([`Self::set_dynamics`]). The weights of
+    /// shapes are there afterwards.
     /// Playback, replay and export all pose with this function, so that they cannot diverge.
     pub fn solve_completed(
         &mut self,
@@ -235,7 +239,10 @@ impl StreamSolver {
             is_held = completion.holds_root();
         }
         if let Some(standing) = &mut self.standing {
-            standing.stand(sample.device_micros, is_held, &self.skeleton, &mut self.completed);
+            let status = self.solver.as_ref().map_or(&[][..], PoseSolver::bone_status);
+            self.driven.clear();
+            self.driven.extend(status.iter().map(|status| status.quality != BoneQuality::Unmapped));
+            standing.stand(sample.device_micros, is_held, &self.skeleton, &self.driven, &mut self.completed);
         }
         if let (Some(dynamics), Some(solver)) = (&mut self.dynamics, &self.solver) {
             let status = solver.bone_status();

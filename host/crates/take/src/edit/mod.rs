@@ -13,11 +13,13 @@ mod timing;
 
 use std::ops::ControlFlow;
 
-use armature_rig::{Filter, Pose, PoseCompletion, Skeleton, SpringBones, Standing, TargetError};
+use armature_rig::{
+    BoneQuality, BoneStatus, Filter, Pose, PoseCompletion, Skeleton, SpringBones, Standing, TargetError,
+};
 
 use self::mirror::Mirror;
 use self::performance::{Performance, chosen, micros};
-use self::solve::{Layer, Solved, Unsolved, layer_micros, solve_layers};
+use self::solve::{Driven, Layer, Solved, Unsolved, layer_micros, solve_layers};
 use crate::file::{PackedPose, Record, Take};
 use crate::replay::Completed;
 use crate::shapes::ShapeTrack;
@@ -221,12 +223,14 @@ impl Work<'_> {
             Unsolved::Target(why) => EditError::Target { why },
         })?;
         if poses.is_empty() {
-            // A take of poses alone, such as a motion that was imported.
+            // A take of poses alone, such as a motion that was imported: every bone is as it was recorded.
             let timeline = Timeline::recorded(take);
             let all = (0..).map_while(|index| timeline.as_ref()?.get(index));
-            poses = all.map(|(seconds, pose)| (micros(seconds), take.unpack(pose))).collect();
+            let turned = vec![BoneStatus { quality: BoneQuality::Live, held_samples: 0 }; self.skeleton.len()];
+            poses = all.map(|(seconds, pose)| (micros(seconds), take.unpack(pose), turned.clone())).collect();
         }
         stand(take, self.skeleton, &mut poses, &held)?;
+        let mut poses: Vec<(i64, Pose)> = poses.into_iter().map(|(time, pose, _)| (time, pose)).collect();
         swing(take, self.skeleton, &mut poses)?;
         let performance = Performance::of(poses).with_shapes(ShapeTrack::solve(take, filter));
         if performance.poses.is_empty() { Err(EditError::NothingLeft { edit: 0 }) } else { Ok(performance) }
@@ -376,13 +380,16 @@ impl Work<'_> {
 
 /// The roots follow the feet as they did in the take, now that all layers are there.
 /// `held`: for each of the poses, whether a target holds a root.
-fn stand(take: &Take, skeleton: &Skeleton, poses: &mut [(i64, Pose)], held: &[bool]) -> Result<(), EditError> {
+fn stand(take: &Take, skeleton: &Skeleton, poses: &mut Driven, held: &[bool]) -> Result<(), EditError> {
     let Some(ground) = take.ground() else { return Ok(()) };
     let mut standing = Standing::new(skeleton, ground.clone()).map_err(|why| bad(0, why.to_string()))?;
-    let first = poses.first().map_or(0, |(micros, _)| *micros);
-    for (index, (micros, pose)) in poses.iter_mut().enumerate() {
+    let first = poses.first().map_or(0, |(micros, ..)| *micros);
+    let mut driven = Vec::new();
+    for (index, (micros, pose, status)) in poses.iter_mut().enumerate() {
         let is_held = held.get(index).is_some_and(|held| *held);
-        standing.stand(micros.saturating_sub(first).max(0).unsigned_abs(), is_held, skeleton, pose);
+        driven.clear();
+        driven.extend(status.iter().map(|status| status.quality != BoneQuality::Unmapped));
+        standing.stand(micros.saturating_sub(first).max(0).unsigned_abs(), is_held, skeleton, &driven, pose);
     }
     Ok(())
 }

@@ -25,8 +25,8 @@ pub(super) struct Layer<'a> {
     pub(super) fade: i64,
 }
 
-/// What the joints of a take say at each sample, before inverse kinematics.
-type Driven = Vec<(i64, Pose, Vec<BoneStatus>)>;
+/// The poses of a take, microseconds, and which bones joints turn.
+pub(super) type Driven = Vec<(i64, Pose, Vec<BoneStatus>)>;
 
 /// Why there is no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ pub(super) enum Unsolved {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solved {
     /// By time, before the feet have moved the roots.
-    pub(super) poses: Vec<(i64, Pose)>,
+    pub(super) poses: Driven,
     /// For each, whether a target holds a root.
     pub(super) held: Vec<bool>,
 }
@@ -94,7 +94,8 @@ fn driven(
 
 /// Solves a take again with layers over it. Bones of a layer are those that its joints drive, between its two samples
 /// around each moment; everything else follows by `completion`, which sees the joints of all takes at once. Where a layer
-/// comes or goes, the whole pose goes over from the one without it to the one with it.
+/// comes or goes, the whole pose goes over from the one without it to the one with it. With each pose, which bones joints
+/// turn.
 pub(super) fn solve_layers(
     base: &Take,
     skeleton: &Skeleton,
@@ -111,7 +112,7 @@ pub(super) fn solve_layers(
         .enumerate()
         .map(|(n, layer)| driven(layer.take, skeleton, filter, &mut |done| progress((1.0 + n as f64 + done) / steps)));
     let over: Vec<Driven> = over.collect::<Result<_, _>>()?;
-    let mut out: Vec<(i64, Pose)> = Vec::new();
+    let mut out: Driven = Vec::new();
     let mut held = vec![false; base.len()];
     let first = base.first().map_or(0, |(time, ..)| *time);
     for count in 0..=layers.len() {
@@ -139,17 +140,24 @@ pub(super) fn solve_layers(
                 completion.complete(PoseMoment { device_micros, offset }, &status, &mut pose);
                 held[index] = completion.holds_root();
                 if let Some(standing) = &mut standing {
-                    standing.stand(device_micros, held[index], skeleton, &mut pose.clone());
+                    let turned: Vec<bool> =
+                        status.iter().map(|status| status.quality != BoneQuality::Unmapped).collect();
+                    standing.stand(device_micros, held[index], skeleton, &turned, &mut pose.clone());
                 }
             }
             match active.last() {
-                None => out.push((*time, pose)),
+                None => out.push((*time, pose, status)),
                 Some((layer, driven)) => {
                     let weight = weight(layer, driven, *time);
+                    let (_, before, driven) = &mut out[index];
                     if weight >= 1.0 {
-                        out[index].1 = pose;
+                        (*before, *driven) = (pose, status);
                     } else if weight > 0.0 {
-                        out[index].1 = blend(&out[index].1, &pose, weight);
+                        *before = blend(before, &pose, weight);
+                        // Legs that one of the two turns are turned.
+                        driven.iter_mut().zip(&status).for_each(|(driven, status)| {
+                            driven.quality = driven.quality.max(status.quality);
+                        });
                     }
                 }
             }

@@ -56,7 +56,7 @@
 //! | 11 engagement, from here on | `u32` microseconds over which a part that comes back takes its bone along · `u8` 1: the whole puppet comes back here |
 //! | 12 return of readings, from here on | `u32` microseconds, at most, over which a joint whose readings were missing takes its bone along; no longer than they were missing |
 //!
-//! | 13 ground, behind the skeleton, from here on | `u8` mode: 0 off (nothing follows), 1 stand, 2 walk · `f32` height of the floor · `u16` contacts · for each: `u16` bone · `u32` points of the skin · for each: `u16` bone · 3 `f32` place in the bone's frame |
+//! | 13 ground, behind the skeleton, from here on | `u8` mode: 0 off (nothing follows), 1 stand, 2 walk · `f32` height of the floor · `u16` contacts · for each: `u16` bone · `u32` points of the skin · for each: `u16` bone · 3 `f32` place in the bone's frame · only where one of them is not 0: `u8` what stays of a foot: 0 its lowest point, 1 its sole, and all feet whose legs no joint turns · `u8` 1: something else places the roots, which are only lifted |
 //! | 20 target, behind the skeleton, from the next sample on | `u8` 0 let go, 1 set · `u32` microseconds of the device's clock over which the point goes there, or the character back · `u8` point: 0 head of a bone, 1 its tail: `u16` bone; 2 on the skin: 3 `u32` vertices, 3 `f32` shares · if set: `u8` flags: 1 place, 2 orientation · `f32` strength · if flagged 1: 3 `f32` place in the world · if flagged 2: 4 `f32` `model_from_bone` of the bone |
 //! | 21 inverse kinematics, from here on, in a take whose header has none | `u16` pinned bones · for each: `text` name · `u16` preferences · for each: `text` · `u16` limits of joints · for each: `text` |
 //!
@@ -76,7 +76,7 @@
 //! # Compatibility
 //!
 //! - A reader refuses another major version, and says so.
-//! - Types 10 to 15, 20, 21 and events 7, 8 and 9 were added after the first takes of version 1.0 and only appear in takes that need
+//! - Types 10 to 15, the last two fields of 13, types 20, 21 and events 7, 8 and 9 were added after the first takes of version 1.0 and only appear in takes that need
 //!   them; older programs skip them and say so.
 //! - A higher minor version may bring new record types, which older readers skip by their length and report, and may
 //!   append fields to payloads, which older readers ignore. Event codes may be added in the same way; a reader skips an

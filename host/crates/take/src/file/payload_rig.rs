@@ -1,8 +1,9 @@
 //! The payloads of calibration, joint settings, mapping, ground and shapes.
 
 use armature_rig::{
-    Calibration, DriveAxis, Filter, Ground, GroundMode, GroundPoint, JointAxis, Mapping, MappingEntry, OneEuro,
-    PartSettings, PartUid, RestTurn, SensorCalibration, SensorRange, ShapeDrive, SharedJoint, Sharing, Skeleton,
+    Calibration, DriveAxis, Filter, Footing, Ground, GroundMode, GroundPoint, JointAxis, Mapping, MappingEntry,
+    OneEuro, PartSettings, PartUid, RestTurn, SensorCalibration, SensorRange, ShapeDrive, SharedJoint, Sharing,
+    Skeleton,
 };
 use glam::Quat;
 
@@ -319,6 +320,11 @@ mod ground_mode {
     pub(super) const WALK: u8 = 2;
 }
 
+mod footing {
+    pub(super) const POINT: u8 = 0;
+    pub(super) const SOLE: u8 = 1;
+}
+
 pub(super) fn put_ground(out: &mut Vec<u8>, ground: Option<&Ground>) -> Result<(), WriteError> {
     let Some(ground) = ground else {
         out.put_u8(ground_mode::OFF);
@@ -336,6 +342,13 @@ pub(super) fn put_ground(out: &mut Vec<u8>, ground: Option<&Ground>) -> Result<(
         out.put_u16(point.bone as u16);
         out.put_vec3(point.at);
     }
+    if ground.footing != Footing::Point || ground.is_held {
+        out.put_u8(match ground.footing {
+            Footing::Point => footing::POINT,
+            Footing::Sole => footing::SOLE,
+        });
+        out.put_u8(u8::from(ground.is_held));
+    }
     Ok(())
 }
 
@@ -349,12 +362,23 @@ pub(super) fn read_ground(
         ground_mode::WALK => GroundMode::Walk,
         value => return Err(PayloadError::UnknownCode { field: "mode", value: value.into() }),
     };
-    let mut ground = Ground { mode, floor: fields.f32("floor")?, contacts: Vec::new(), points: Vec::new() };
+    let (contacts, points) = (Vec::new(), Vec::new());
+    let floor = fields.f32("floor")?;
+    let mut ground = Ground { mode, footing: Footing::Point, is_held: false, floor, contacts, points };
     for _ in 0..fields.u16("contact count")? {
         ground.contacts.push(fields.u16("contact")?.into());
     }
     for _ in 0..fields.u32("point count")? {
         ground.points.push(GroundPoint { bone: fields.u16("bone")?.into(), at: fields.vec3("point")? });
+    }
+    // Added after the first takes with a floor.
+    if fields.left() > 0 {
+        ground.footing = match fields.u8("footing")? {
+            footing::POINT => Footing::Point,
+            footing::SOLE => Footing::Sole,
+            value => return Err(PayloadError::UnknownCode { field: "footing", value: value.into() }),
+        };
+        ground.is_held = fields.u8("whether the roots are held")? != 0;
     }
     ground.check(skeleton.ok_or(PayloadError::NoSkeleton)?)?;
     Ok(Some(ground))
