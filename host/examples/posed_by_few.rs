@@ -17,7 +17,7 @@ use armature::pictures::{Skinned, View, draw, draw_mesh};
 use armature_character::Character;
 use armature_character::bind::BindSettings;
 use armature_deform::arap::{
-    Anchor, ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap, SharedJoint,
+    Anchor, ArapEnergy, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap, SharedJoint,
 };
 use armature_formats::model::Model;
 use armature_render::{Material, MeshView, encode_png};
@@ -91,7 +91,7 @@ fn reduce(character: &Character) -> Outcome<ReducedArap> {
     let shape = ArapShape {
         positions: &character.surface.mesh.vertices,
         energy: ArapEnergy::SpokesAndRims(&character.surface.mesh.triangles),
-        weights: &weights,
+        weights: ArapWeights::Matrix(&weights),
         handle_points: &heads,
         joints: &joints,
     };

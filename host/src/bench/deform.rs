@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 
 use armature_deform::arap::{
-    ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap, SharedJoint,
+    ArapEnergy, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap, SharedJoint,
 };
 use armature_deform::skin::{
     BoneBlend, BoneSegment, DualQuaternionSkin, LinearBlendSkin, SkinError, StretchTwist, StretchTwistSkin,
@@ -225,7 +225,13 @@ fn row_of_handles(planar: bool, handles: usize, clusters: usize) -> Result<Reduc
     let joints: Vec<SharedJoint> =
         (1..handles).map(|h| SharedJoint { handles: [h - 1, h], point: along(h as f64) }).collect();
     let energy = if planar { ArapEnergy::PlanarTriangles(&triangles) } else { ArapEnergy::Tetrahedra(&tetrahedra) };
-    let shape = ArapShape { positions: &positions, energy, weights: &weights, handle_points: &points, joints: &joints };
+    let shape = ArapShape {
+        positions: &positions,
+        energy,
+        weights: ArapWeights::Matrix(&weights),
+        handle_points: &points,
+        joints: &joints,
+    };
     let settings = ArapSettings { clusters: Some(clusters), ..ArapSettings::default() };
     ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).map_err(|e| defect(e.to_string()))
 }

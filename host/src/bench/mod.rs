@@ -16,6 +16,7 @@ mod device;
 #[cfg(feature = "window")]
 mod gpu_skinning;
 mod heat;
+mod large_rigs;
 mod monotone;
 mod peak_memory;
 mod pose;
@@ -124,6 +125,7 @@ const BENCHMARKS: &[Benchmark] = &[
     Benchmark { names: volume::NAMES, run: volume::run },
     Benchmark { names: volume_growth::NAMES, run: volume_growth::run },
     Benchmark { names: rig::NAMES, run: rig::run },
+    Benchmark { names: large_rigs::NAMES, run: large_rigs::run },
     Benchmark { names: weights::NAMES, run: weights::run },
     Benchmark { names: monotone::NAMES, run: monotone::run },
     Benchmark { names: bind::NAMES, run: bind::run },

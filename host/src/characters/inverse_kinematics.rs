@@ -3,8 +3,8 @@
 use std::convert::Infallible;
 
 use armature_character::inverse_kinematics::{
-    BoneRole, InverseKinematics, LimitedBone, PinnedBone, PreferredBone, UnknownLimit, UnknownPreference,
-    anatomical_limits,
+    BoneRole, IkBones, IkEnergy, IkSettings, InverseKinematics, LimitedBone, PinnedBone, PreferredBone, UnknownLimit,
+    UnknownPreference, anatomical_limits,
 };
 use clap::{Args, ValueEnum};
 
@@ -42,18 +42,81 @@ pub struct IkArgs {
     /// in degrees, or BONE:free. Of a recognised human all joints have limits, which this changes; off: none has
     #[arg(long, value_name = "BONE:WHAT=A..B", value_delimiter = ',')]
     pub limit: Vec<String>,
+    /// What resists deformation when bones without a joint are solved: the surface, like a thin shell, or the volume
+    /// inside, like flesh. The volume is made before the first pose, which takes as long as binding
+    #[arg(long, value_enum, default_value_t = Energy::Surface)]
+    pub ik_energy: Energy,
+    /// Into how many parts that turn as one the shape is divided when bones are solved; more follow it more closely and
+    /// take longer. Without it, two for each bone that is solved
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2048))]
+    pub ik_clusters: Option<u32>,
+    /// What bones without a joint may do: rigid ones turn and keep their lengths, loose ones also move and grow as the
+    /// shape has it, which takes and exports hold too; stretch in one direction and shear are lost
+    #[arg(long, value_enum, default_value_t = Bones::Rigid)]
+    pub ik_bones: Bones,
+    /// Whether roots stay where nothing below them is driven or pinned (held), or go with the shape (free), as skeletons
+    /// in several pieces need
+    #[arg(long, value_enum, default_value_t = Roots::Held)]
+    pub ik_roots: Roots,
+    /// How a take was solved, whatever is usual today.
+    #[arg(skip)]
+    pub recorded: Option<IkSettings>,
+}
+
+/// What resists deformation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Energy {
+    /// The surface, like a thin shell
+    #[default]
+    Surface,
+    /// The volume inside, like flesh
+    Volume,
+}
+
+/// What bones without a joint may do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Bones {
+    /// Turn
+    #[default]
+    Rigid,
+    /// Turn, move and grow
+    Loose,
+}
+
+/// What roots do when nothing below them is driven or pinned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Roots {
+    /// Stay at rest
+    #[default]
+    Held,
+    /// Go with the shape
+    Free,
 }
 
 /// The word of `--limit` for a human without limits of its own.
 const NO_ANATOMY: &str = "off";
 
 impl IkArgs {
+    fn settings(&self) -> IkSettings {
+        IkSettings {
+            energy: if self.ik_energy == Energy::Volume { IkEnergy::Volume } else { IkEnergy::Surface },
+            clusters: self.ik_clusters.map(|count| count as usize),
+            bones: if self.ik_bones == Bones::Loose { IkBones::Loose } else { IkBones::Rigid },
+            free_roots: self.ik_roots == Roots::Free,
+            ..IkSettings::default()
+        }
+    }
+
     /// Inverse kinematics for a character, if chosen and possible.
     pub fn for_character(&self, character: &LoadedCharacter) -> Result<Option<InverseKinematics>, Failure> {
         if self.ik == IkMode::Off {
             let needless = [("--pin", &self.pin), ("--prefer", &self.prefer), ("--limit", &self.limit)]
                 .into_iter()
                 .find(|(_, words)| !words.is_empty());
+            if needless.is_none() && self.settings() != IkSettings::default() {
+                let what = "--ik-energy, --ik-clusters, --ik-bones and --ik-roots need inverse kinematics";
+                return Err(Failure::usage(what, "leave out --ik off"));
+            }
             return match needless {
                 Some((option, _)) => {
                     Err(Failure::usage(format!("{option} needs inverse kinematics"), "leave out --ik off"))
@@ -88,7 +151,9 @@ impl IkArgs {
             *limited = wide;
             note.iter().for_each(|note| tracing::warn!("{}: {note}", character.name));
         }
-        let made = InverseKinematics::new(bound, &pins).and_then(|mut ik| {
+        let settings = self.recorded.clone().unwrap_or_else(|| self.settings());
+        let made = InverseKinematics::new(bound, &pins).and_then(|ik| {
+            let mut ik = ik.with_settings(settings);
             ik.prefer_all(&preferred)?;
             ik.limit_all(&anatomy)?;
             ik.limit_all(&own)?;

@@ -170,6 +170,10 @@ impl<S: Source> Shell for Driver<'_, S> {
         self.source.age(at)
     }
 
+    fn is_stopped(&mut self) -> bool {
+        self.heard_enough || self.source.is_stopped()
+    }
+
     fn frame_buffer(&mut self) -> Box<Frame> {
         self.listener.frame_buffer()
     }

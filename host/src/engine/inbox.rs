@@ -1,5 +1,7 @@
 //! The one channel on which the engine's thread waits: commands, the puppet's events, and results of other threads.
 
+use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::time::Duration;
@@ -17,6 +19,8 @@ const DEVICE_CAPACITY: usize = 256;
 #[derive(Debug)]
 pub struct Inbox {
     posted: Receiver<Posted>,
+    /// Looked at already, but not taken out.
+    seen: RefCell<VecDeque<Posted>>,
     sender: InboxSender,
 }
 
@@ -38,7 +42,7 @@ impl Default for Inbox {
     fn default() -> Self {
         let (sender, posted) = mpsc::channel();
         let sender = InboxSender { posted: sender, device_permits: Arc::new(Semaphore::new(DEVICE_CAPACITY)) };
-        Self { posted, sender }
+        Self { posted, seen: RefCell::default(), sender }
     }
 }
 
@@ -50,6 +54,9 @@ impl Inbox {
 
     /// The next input, waiting at most this long; without a time, for as long as it takes.
     pub fn next(&self, patience: Option<Duration>) -> Option<Input> {
+        if let Some(posted) = self.seen.borrow_mut().pop_front() {
+            return Some(posted.input);
+        }
         let posted = match patience {
             Some(patience) => self.posted.recv_timeout(patience).ok(),
             None => self.posted.recv().ok(),
@@ -59,10 +66,22 @@ impl Inbox {
 
     /// The next command, if one is waiting: for scripted engines.
     pub fn waiting_command(&self) -> Option<Command> {
-        self.posted.try_iter().find_map(|posted| match posted.input {
+        let seen = std::mem::take(&mut *self.seen.borrow_mut());
+        let mut waiting = seen.into_iter().chain(self.posted.try_iter());
+        let command = waiting.find_map(|posted| match posted.input {
             Input::Command(command) => Some(command),
             _ => None,
-        })
+        });
+        let rest: VecDeque<Posted> = waiting.collect();
+        self.seen.borrow_mut().extend(rest);
+        command
+    }
+
+    /// Whether someone waits for what is going on to be cancelled, or for the engine to quit. Takes nothing out.
+    pub fn is_stopped(&self) -> bool {
+        let mut seen = self.seen.borrow_mut();
+        seen.extend(self.posted.try_iter());
+        seen.iter().any(|posted| matches!(posted.input, Input::Command(Command::Cancel | Command::Quit)))
     }
 }
 

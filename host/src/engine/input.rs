@@ -195,6 +195,11 @@ pub trait Shell {
     }
     /// How long ago this was, now that the engine has processed it; `None` on a virtual clock.
     fn age(&self, at: f64) -> Option<Duration>;
+    /// Whether someone has asked to cancel or quit while the engine works on something long. The command itself arrives
+    /// as an [`Input`] afterwards, as always.
+    fn is_stopped(&mut self) -> bool {
+        false
+    }
     /// A frame to fill, with the buffers of an earlier one if there is one.
     fn frame_buffer(&mut self) -> Box<Frame>;
     /// Opens a file for a new take; an existing one is replaced only if the name allows it.

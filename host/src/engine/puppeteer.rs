@@ -4,6 +4,7 @@
 //! same poses, same take.
 
 mod dragging;
+mod preparing;
 mod takes;
 
 use std::ops::ControlFlow;
@@ -56,9 +57,6 @@ pub const ENGAGE_MICROS: u32 = 250_000;
 
 /// After this many samples, a sensor without a good reading no longer delays the zeroing of the others.
 pub(super) const PATIENCE_SAMPLES: u32 = 50;
-
-/// Inverse kinematics is made for fewer bones than this; for more, preparing it takes long.
-pub const MANY_BONES: usize = 150;
 
 /// Progress that nobody hears.
 pub fn unheard(_: &'static str, _: f64) -> ControlFlow<()> {
@@ -215,24 +213,6 @@ impl Puppeteer {
     /// How the roots follow the feet; `None` where they stay.
     pub fn ground(&self) -> Option<&Ground> {
         self.ground.as_ref()
-    }
-
-    /// The number of bones, if preparing inverse kinematics for them takes long.
-    pub fn many_bones(&self) -> Option<usize> {
-        let count = self.character.skeleton.len();
-        (self.inverse_kinematics.is_some() && count > MANY_BONES).then_some(count)
-    }
-
-    /// Prepares for the bones that the mapping drives before samples come; those would do it too, but late.
-    fn prepare_inverse_kinematics(&mut self, progress: Progress<'_>) {
-        let (Some(ik), Some(mapping)) = (&mut self.inverse_kinematics, self.solver.mapping()) else { return };
-        let driven = mapping.driven_bones(&self.character.skeleton);
-        if ik.driven() == driven {
-            return;
-        }
-        if let Err(error) = ik.drive(&driven, progress) {
-            tracing::warn!("bones without a joint keep their rest pose: {error}");
-        }
     }
 
     /// Takes a puppet as it is plugged together now. Parts that were there before go on without a jump. `progress` hears

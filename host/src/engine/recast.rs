@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use armature_character::Progress;
+use armature_character::inverse_kinematics::IkSettings;
 use armature_rig::{GroundMode, Mapping, Skeleton, Target, TargetChange, TargetPoint};
 use armature_take::{Header, Record, Take};
 use glam::{Quat, Vec3};
@@ -158,7 +159,10 @@ fn ik_of(take: &Take, cast: &Recast, is_same: bool, notes: &mut Vec<String>) -> 
     let is_root = |pin: &String| roots.clone().any(|root| *pin == format!("{}:fixed", root.name));
     let pin = if pin.iter().all(is_root) { Vec::new() } else { pin };
     let limit = if is_same { std::iter::once("off".into()).chain(header.limits.clone()).collect() } else { Vec::new() };
-    IkArgs { ik: IkMode::Auto, pin, prefer, limit }
+    // Another character is solved as is usual.
+    let recorded = IkSettings::from_words(&header.settings).map_err(|error| notes.push(error.to_string()));
+    let recorded = recorded.ok().filter(|_| is_same);
+    IkArgs { ik: IkMode::Auto, pin, prefer, limit, recorded, ..IkArgs::default() }
 }
 
 /// A target of one skeleton for another: the same bone by its name, its place by the size of the two, its orientation as a

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use armature_character::inverse_kinematics::RefitCost;
 use armature_device::{DeviceInfo, DeviceNotice, DeviceProblem, Event, SessionCounters};
 
 use super::calibrating::no_samples;
@@ -206,6 +207,12 @@ impl Run {
         let joints = puppeteer
             .topology()
             .map_or(0, |(_, tree)| tree.parts().iter().filter(|p| !p.kind.axes().is_empty()).count());
+        if let Some(RefitCost { minimiser, posed }) = puppeteer.refit_cost() {
+            let times = posed / minimiser.max(f64::MIN_POSITIVE);
+            tracing::info!(
+                "energy of the last pose: {posed:.4}, {times:.2} times that of the minimiser, {minimiser:.4}"
+            );
+        }
         let seconds = self.began.map_or(0.0, |began| now - began);
         let period = self.began.map_or(f64::NAN, |began| (now - began) / self.poses.max(1) as f64);
         Ok(RunSummary {

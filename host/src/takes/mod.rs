@@ -12,7 +12,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use armature_character::Progress;
-use armature_character::inverse_kinematics::InverseKinematics;
+use armature_character::inverse_kinematics::{IkSettings, InverseKinematics};
 use armature_rig::PoseCompletion;
 use armature_take::{ReadReport, Take, solve_on_ground};
 
@@ -53,7 +53,11 @@ pub fn completion(take: &Take, character: &LoadedCharacter) -> Result<Option<Inv
     // The limits are those of the take, whatever a human has today.
     let limit = std::iter::once("off".to_owned()).chain(header.limits.iter().cloned()).collect();
     let (pin, prefer) = (header.pins.clone(), header.preferences.clone());
-    IkArgs { ik: IkMode::On, pin, prefer, limit }.for_character(character)
+    let recorded = IkSettings::from_words(&header.settings).map_err(|e| {
+        Failure::input(format!("the take was recorded with what a newer program can do: {e}"), "use that program")
+    })?;
+    IkArgs { ik: IkMode::On, pin, prefer, limit, recorded: Some(recorded), ..IkArgs::default() }
+        .for_character(character)
 }
 
 /// Whether a take was recorded on this character's skeleton.

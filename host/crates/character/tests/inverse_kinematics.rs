@@ -8,11 +8,13 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, LazyLock};
 
 use armature_character::Character;
-use armature_character::inverse_kinematics::{BoneRole, Comfort, IkError, InverseKinematics, PinnedBone};
+use armature_character::inverse_kinematics::{
+    BoneRole, Comfort, IkBones, IkEnergy, IkError, IkSettings, InverseKinematics, PinnedBone, RefitCost,
+};
 use armature_character::own::human;
 use armature_formats::model::Skin;
 use armature_rig::{BoneQuality, BoneStatus, Pose, PoseCompletion, PoseMoment, Skeleton};
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, Mat3, Quat, Vec3};
 
 static HUMAN: LazyLock<Character> = LazyLock::new(|| human().unwrap());
 const DRIVEN: [&str; 8] = [
@@ -241,4 +243,79 @@ fn a_pose_that_is_no_number_spoils_no_later_one() {
         ik.complete(PoseMoment::default(), &status, &mut pose);
         assert!(pose.parent_from_bone.iter().all(|t| t.is_finite() && t.rotation.is_normalized()), "after {broken}");
     }
+}
+
+/// The pose of the human by these settings, and what it costs.
+fn posed_by(settings: IkSettings) -> (Pose, RefitCost) {
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap().with_settings(settings);
+    let mut pose = puppet_pose(&HUMAN.skeleton, 1.0);
+    ik.complete(PoseMoment::default(), &status(&HUMAN.skeleton), &mut pose);
+    assert_eq!(ik.problem(), None);
+    let cost = ik.refit_cost(&pose).unwrap();
+    (pose, cost)
+}
+
+#[test]
+fn rigid_bones_cost_energy_and_loose_ones_little() {
+    let (rigid, of_rigid) = posed_by(IkSettings::default());
+    let (loose, of_loose) = posed_by(IkSettings { bones: IkBones::Loose, ..IkSettings::default() });
+    println!("{of_rigid:?} {of_loose:?}");
+    assert!((of_rigid.minimiser / of_loose.minimiser - 1.0).abs() < 1e-6, "the same minimiser");
+    assert!(of_rigid.posed >= of_rigid.minimiser * 0.999 && of_loose.posed >= of_loose.minimiser * 0.999);
+    assert!(of_loose.posed < of_rigid.posed, "{of_rigid:?} {of_loose:?}");
+    let lengths = |pose: &Pose| {
+        let rest = HUMAN.skeleton.rest_pose();
+        let bones = pose.parent_from_bone.iter().zip(&rest.parent_from_bone).skip(1);
+        bones.map(|(now, rest)| (now.translation.length() - rest.translation.length()).abs()).fold(0.0_f32, f32::max)
+    };
+    assert_eq!(lengths(&rigid), 0.0);
+    assert!(lengths(&loose) > 1e-4 && lengths(&loose) < 0.2, "{}", lengths(&loose));
+    assert!(loose.parent_from_bone.iter().all(|t| t.scale.min_element() > 0.3 && t.scale.max_element() < 3.0));
+    let driven = frames(&HUMAN.skeleton, &rigid);
+    for (name, frame) in DRIVEN.iter().map(|name| (name, HUMAN.skeleton.find(name).unwrap())) {
+        let is = frames(&HUMAN.skeleton, &loose)[frame];
+        let [is, was] = [turn(&is), turn(&driven[frame])].map(|turn| Mat3::from_quat(turn));
+        assert!(is.abs_diff_eq(was, 1e-4), "{name} is turned as its joint turns it: {is} {was}");
+    }
+}
+
+#[test]
+fn the_volume_inside_resists_as_well() {
+    let volume = IkSettings { energy: IkEnergy::Volume, ..IkSettings::default() };
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap().with_settings(volume.clone());
+    let mut pose = HUMAN.skeleton.rest_pose();
+    ik.complete(PoseMoment::default(), &status(&HUMAN.skeleton), &mut pose);
+    let rest = frames(&HUMAN.skeleton, &HUMAN.skeleton.rest_pose());
+    for (is, was) in frames(&HUMAN.skeleton, &pose).iter().zip(rest) {
+        assert!(is.abs_diff_eq(was, 2e-3), "at rest nothing may move: {is} {was}");
+    }
+    let (by_volume, cost) = posed_by(volume.clone());
+    let (by_surface, _) = posed_by(IkSettings::default());
+    assert!(cost.minimiser > 0.0 && cost.posed < 3.0 * cost.minimiser, "{cost:?}");
+    let spine = HUMAN.skeleton.find("Spine").unwrap();
+    let [a, b] = [&by_volume, &by_surface].map(|pose| pose.parent_from_bone[spine].rotation);
+    assert!(a.angle_between(b) > 1e-3 && a.angle_between(b) < 0.6, "{}", a.angle_between(b));
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert_eq!(one.install(|| posed_by(volume).0), by_volume, "the same bits on one thread");
+}
+
+#[test]
+fn preparing_the_volume_can_be_cancelled() {
+    let settings = IkSettings { energy: IkEnergy::Volume, ..IkSettings::default() };
+    let mut ik = InverseKinematics::new(&HUMAN, &pins(&[])).unwrap().with_settings(settings);
+    let driven: Vec<bool> = status(&HUMAN.skeleton).iter().map(|s| s.quality == BoneQuality::Live).collect();
+    let (mut calls, mut last) = (0, 0.0);
+    let cancelled = ik.drive(&driven, &mut |_, done| {
+        assert!(done >= last && done <= 1.0, "{last} {done}");
+        (calls, last) = (calls + 1, done);
+        if calls == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(cancelled.is_err() && calls == 5, "{cancelled:?}");
+    let mut last = 0.0;
+    ik.drive(&driven, &mut |stage, done| {
+        assert!(done >= last - 1e-9, "{stage}: {last} {done}");
+        last = done;
+        ControlFlow::Continue(())
+    })
+    .unwrap();
 }

@@ -7,7 +7,9 @@
 
 use std::ops::ControlFlow;
 
-use armature_deform::arap::{ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap};
+use armature_deform::arap::{
+    ArapEnergy, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap,
+};
 use glam::{Affine3A, DVec3, Vec3};
 
 struct Fixture<const K: usize> {
@@ -39,8 +41,13 @@ fn read<const K: usize>(text: &str) -> Fixture<K> {
 fn apart<const K: usize>(fixture: &Fixture<K>, energy: ArapEnergy) -> f64 {
     let n = fixture.rest.len();
     let weights: Vec<f64> = (0..n * n).map(|i| f64::from(u8::from(i / n == i % n))).collect();
-    let shape =
-        ArapShape { positions: &fixture.rest, energy, weights: &weights, handle_points: &fixture.rest, joints: &[] };
+    let shape = ArapShape {
+        positions: &fixture.rest,
+        energy,
+        weights: ArapWeights::Matrix(&weights),
+        handle_points: &fixture.rest,
+        joints: &[],
+    };
     let settings = ArapSettings { clusters: Some(usize::MAX), ..ArapSettings::default() };
     let mut arap = ReducedArap::precompute(&shape, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
     let mut kinds = vec![HandleConstraint::Free; n];

@@ -7,7 +7,7 @@ mod support;
 use std::ops::ControlFlow;
 
 use armature_deform::arap::{
-    ArapDynamics, ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
+    ArapDynamics, ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap,
 };
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use support::{bar, smooth_weights};
@@ -49,7 +49,7 @@ impl Swing {
         let shape = ArapShape {
             positions: &self.rest,
             energy: ArapEnergy::Tetrahedra(&self.tetrahedra),
-            weights: &weights,
+            weights: ArapWeights::Matrix(&weights),
             handle_points: &self.rest,
             joints: &[],
         };
@@ -145,7 +145,7 @@ impl Bar {
         let shape = ArapShape {
             positions: &self.positions,
             energy: ArapEnergy::Tetrahedra(&self.tetrahedra),
-            weights: &self.weights,
+            weights: ArapWeights::Matrix(&self.weights),
             handle_points: &self.points,
             joints: &[],
         };

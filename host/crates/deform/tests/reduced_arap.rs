@@ -7,8 +7,8 @@ mod support;
 use std::ops::ControlFlow;
 
 use armature_deform::arap::{
-    Anchor, ArapEnergy, ArapError, ArapOutcome, ArapSettings, ArapShape, ArapStop, HandleConstraint, MOST_CLUSTERS,
-    ReducedArap, SharedJoint,
+    Anchor, ArapEnergy, ArapError, ArapOutcome, ArapSettings, ArapShape, ArapStop, ArapWeights, GlobalStep,
+    HandleConstraint, ReducedArap, SharedJoint,
 };
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3, Quat, Vec3};
 use support::{Dice, bar, boundary, hand, hand_weights, middle_of_handles, smooth_weights};
@@ -66,7 +66,7 @@ impl Bar {
         ArapShape {
             positions: &self.positions,
             energy: ArapEnergy::Tetrahedra(&self.tetrahedra),
-            weights: &self.weights,
+            weights: ArapWeights::Matrix(&self.weights),
             handle_points: &self.points,
             joints: &self.joints,
         }
@@ -253,7 +253,7 @@ fn with_every_vertex_a_handle_it_is_the_full_method() {
     let shape = ArapShape {
         positions: &positions,
         energy: ArapEnergy::Tetrahedra(&tetrahedra),
-        weights: &weights,
+        weights: ArapWeights::Matrix(&weights),
         handle_points: &positions,
         joints: &[],
     };
@@ -288,7 +288,7 @@ fn a_hand_is_posed_by_its_finger_tips() {
     let shape = ArapShape {
         positions: &positions,
         energy: ArapEnergy::Tetrahedra(&tetrahedra),
-        weights: &weights,
+        weights: ArapWeights::Matrix(&weights),
         handle_points: &points,
         joints: &[],
     };
@@ -349,7 +349,7 @@ fn separate_pieces_and_handles_without_weight_are_no_harm() {
     let shape = ArapShape {
         positions: &positions,
         energy: ArapEnergy::Tetrahedra(&tetrahedra),
-        weights: &weights,
+        weights: ArapWeights::Matrix(&weights),
         handle_points: &points,
         joints: &[],
     };
@@ -413,11 +413,17 @@ fn nonsense_is_named() {
     };
     let mut weights = bar.weights.clone();
     weights[5 * 7..5 * 8].fill(0.0);
-    assert_eq!(attempt(&ArapShape { weights: &weights, ..bar.shape() }), ArapError::Unweighted { vertex: 7 });
+    assert_eq!(
+        attempt(&ArapShape { weights: ArapWeights::Matrix(&weights), ..bar.shape() }),
+        ArapError::Unweighted { vertex: 7 }
+    );
     weights[3] = f64::NAN;
-    let error = attempt(&ArapShape { weights: &weights, ..bar.shape() });
+    let error = attempt(&ArapShape { weights: ArapWeights::Matrix(&weights), ..bar.shape() });
     assert_eq!(error, ArapError::NotFinite { what: "weights of vertex", index: 0 });
-    assert!(matches!(attempt(&ArapShape { weights: &weights[1..], ..bar.shape() }), ArapError::Length { .. }));
+    assert!(matches!(
+        attempt(&ArapShape { weights: ArapWeights::Matrix(&weights[1..]), ..bar.shape() }),
+        ArapError::Length { .. }
+    ));
     let error = attempt(&ArapShape { energy: ArapEnergy::Spokes(&[[0, 1, 9999]]), ..bar.shape() });
     assert!(matches!(error, ArapError::VertexOutOfRange { element: 0, vertex: 9999, .. }));
     assert_eq!(
@@ -429,7 +435,8 @@ fn nonsense_is_named() {
     let all = ArapSettings { clusters: Some(usize::MAX), ..ArapSettings::default() };
     let shape = ArapShape { energy: ArapEnergy::Tetrahedra(&many), ..bar.shape() };
     let error = ReducedArap::precompute(&shape, &all, &mut |_, _| ControlFlow::Continue(())).unwrap_err();
-    assert!(many.len() > MOST_CLUSTERS && error == ArapError::TooManyClusters { clusters: many.len() }, "{error}");
+    let most = GlobalStep::Inverse.most_clusters();
+    assert!(many.len() > most && error == ArapError::TooManyClusters { clusters: many.len(), most }, "{error}");
     let joints = [SharedJoint { handles: [0, 5], point: [0.0; 3] }];
     let error = attempt(&ArapShape { joints: &joints, ..bar.shape() });
     assert_eq!(error, ArapError::HandleOutOfRange { joint: 0, handle: 5, handle_count: 5 });

@@ -8,7 +8,8 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use armature_deform::arap::{
-    ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap, RotationLimit, SoftJoint,
+    ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap,
+    RotationLimit, SoftJoint,
 };
 use glam::{Affine3A, Mat3A, Quat, Vec3};
 use support::{Dice, bar, boundary, smooth_weights};
@@ -34,7 +35,7 @@ impl Bar {
         let shape = ArapShape {
             positions: &self.positions,
             energy,
-            weights: &self.weights,
+            weights: ArapWeights::Matrix(&self.weights),
             handle_points: &self.points,
             joints: &[],
         };

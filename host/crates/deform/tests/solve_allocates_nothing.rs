@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use armature_deform::arap::{
-    Anchor, ArapDynamics, ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
+    Anchor, ArapDynamics, ArapEnergy, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap,
 };
 use armature_deform::skin::{
     BoneBlend, BoneSegment, DualQuaternionSkin, LinearBlendSkin, StretchTwist, StretchTwistSkin,
@@ -91,7 +91,7 @@ fn allocations_of_a_hundred_reduced_solves() -> usize {
     let shape = ArapShape {
         positions: &positions,
         energy: ArapEnergy::SpokesAndRims(&triangles),
-        weights: &weights,
+        weights: ArapWeights::Matrix(&weights),
         handle_points: &[positions[0], positions[59]],
         joints: &[],
     };

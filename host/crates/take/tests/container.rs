@@ -226,12 +226,14 @@ fn only_a_take_with_inverse_kinematics_needs_the_newer_version() {
         version(Some(InverseKinematicsHeader {
             pins: vec!["LeftFoot".into(), "Fuß".into()],
             preferences: vec!["Neck:stiff=1".into()],
-            limits: Vec::new(),
+            ..InverseKinematicsHeader::default()
         })),
         1
     );
     let limits = vec!["LeftLowerLeg:bend=0..140".to_string()];
     assert_eq!(version(Some(InverseKinematicsHeader { limits, ..InverseKinematicsHeader::default() })), 2);
+    let settings = vec!["factor=64".to_string(), "clusters=80".into()];
+    assert_eq!(version(Some(InverseKinematicsHeader { settings, ..InverseKinematicsHeader::default() })), 3);
 }
 
 #[test]
@@ -390,7 +392,7 @@ proptest! {
             seed: numbers.1,
             virtual_clock: numbers.2,
             unix_micros: numbers.3,
-            inverse_kinematics: pins.map(|(pins, preferences)| InverseKinematicsHeader { pins, preferences, limits: Vec::new() }),
+            inverse_kinematics: pins.map(|(pins, preferences)| InverseKinematicsHeader { pins, preferences, ..InverseKinematicsHeader::default() }),
         };
         let mut writer = TakeWriter::new(Vec::new(), &header).unwrap();
         writer.skeleton(&arm()).unwrap();

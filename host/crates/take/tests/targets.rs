@@ -29,6 +29,7 @@ fn targets_of_every_kind_are_read_as_they_were_written() {
         pins: vec!["arm:fixed".into()],
         preferences: vec!["hand:stiff=1".into()],
         limits: vec!["hand:bend=0..90".into()],
+        settings: vec!["factor=64".into()],
     };
     let changes = [
         set(TargetPoint::Head(1), Some(Vec3::new(1.0, -2.0, 0.5)), None),

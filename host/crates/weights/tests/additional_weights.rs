@@ -6,7 +6,7 @@ mod support;
 use std::ops::ControlFlow;
 
 use armature_deform::arap::{
-    ArapEnergy, ArapOutcome, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
+    ArapEnergy, ArapOutcome, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap,
 };
 use armature_geometry::TetrahedralMesh;
 use armature_geometry::operators::{Lumping, cotangent_laplacian_tetrahedra, lumped_mass_tetrahedra};
@@ -80,7 +80,7 @@ fn posed_energy(
     let shape = ArapShape {
         positions: &mesh.vertices,
         energy: ArapEnergy::Tetrahedra(&mesh.tetrahedra),
-        weights: &rows,
+        weights: ArapWeights::Matrix(&rows),
         handle_points: &vec![[0.0; 3]; handles],
         joints: &[],
     };

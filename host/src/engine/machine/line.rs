@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use armature_character::inverse_kinematics::{ArapError, IkError};
 use armature_device::{DeviceNotice, DeviceProblem, Event, SessionCounters, Topology};
 use armature_rig::{Calibration, PuppetHints};
 
@@ -10,7 +11,6 @@ use crate::engine::calibrating::CalibrationPlan;
 use crate::engine::frames;
 use crate::engine::input::{LineId, LineNews, OpenLine};
 use crate::engine::pipeline::Outcome;
-use crate::engine::puppeteer::MANY_BONES;
 use crate::failure::Failure;
 
 const LINE_CLOSED: &str = "the line was closed";
@@ -243,10 +243,11 @@ impl Engine {
     /// Lets the puppet move the character.
     fn pass_on(&mut self, now: f64, event: &Event, shell: &mut dyn Shell) -> Result<(), Failure> {
         let Some(pipeline) = &mut self.pipeline else { return Ok(()) };
-        let many_bones = pipeline.puppeteer().many_bones();
-        let handled = preparing(many_bones, shell, |progress| pipeline.handle_with(event, progress));
+        let is_told = pipeline.puppeteer().prepares_long();
+        let handled = preparing(is_told, shell, |progress| pipeline.handle_with(event, progress));
         let Outcome { posed, zeroed, new_topology, calibrated } = handled?;
         if new_topology {
+            tell_unprepared(pipeline.puppeteer().ik_problem().cloned(), shell);
             let awaits_rest_pose = pipeline.puppeteer().awaits_rest_pose();
             self.tell_topology(shell);
             if awaits_rest_pose {
@@ -298,28 +299,38 @@ impl Engine {
     }
 }
 
-/// Reports that preparing inverse kinematics of `many_bones` takes long, and how far it is. Few bones need no report.
+/// Reports how far preparing inverse kinematics is, if `is_told`, and ends it if someone cancels or quits meanwhile.
 pub(super) fn preparing<T>(
-    many_bones: Option<usize>,
+    is_told: bool,
     shell: &mut dyn Shell,
     prepare: impl FnOnce(armature_character::Progress<'_>) -> T,
 ) -> T {
     let mut is_reported = false;
     let prepared = prepare(&mut |stage, done| {
-        if let Some(bones) = many_bones {
-            if !std::mem::replace(&mut is_reported, true) {
-                let what = format!(
-                    "the character has {bones} bones: preparing inverse kinematics for more than {MANY_BONES} takes long"
-                );
-                let remedy = "wait, or leave bones without a joint in their rest pose with --ik off".into();
-                shell.tell(EngineEvent::Problem(Problem { what, remedy }));
-            }
+        if is_told {
+            is_reported = true;
             shell.tell(EngineEvent::Busy { task: stage.into(), fraction: Some(done as f32) });
         }
-        ControlFlow::Continue(())
+        if shell.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     if is_reported {
         shell.tell(EngineEvent::Idle);
     }
     prepared
+}
+
+/// Says why bones without a joint keep their rest pose.
+pub(super) fn tell_unprepared(problem: Option<IkError>, shell: &mut dyn Shell) {
+    let (what, remedy) = match problem {
+        None => return,
+        Some(IkError::Shape(ArapError::Cancelled)) => (
+            "preparing inverse kinematics was cancelled: bones without a joint keep their rest pose".to_owned(),
+            "load the character again to prepare it",
+        ),
+        Some(error) => (
+            format!("bones without a joint keep their rest pose: {error}"),
+            "leave them there with --ik off, or choose another character",
+        ),
+    };
+    shell.tell(EngineEvent::Problem(Problem { what, remedy: remedy.into() }));
 }

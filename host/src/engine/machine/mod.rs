@@ -371,9 +371,12 @@ impl Engine {
         self.frame_waits = false;
         match &mut self.pipeline {
             Some(pipeline) => {
-                line::preparing(puppeteer.many_bones(), shell, |progress| {
+                let is_told = puppeteer.prepares_long();
+                let cancelled = line::preparing(is_told, shell, |progress| {
                     pipeline.replace_puppeteer(puppeteer, progress);
+                    pipeline.puppeteer().ik_problem().cloned()
                 });
+                line::tell_unprepared(cancelled, shell);
             }
             None => self.pipeline = Some(Pipeline::new(puppeteer)),
         }

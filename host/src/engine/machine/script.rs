@@ -51,6 +51,8 @@ pub(super) struct Script {
     pub(super) keeps_nothing: bool,
     /// How many bytes of a take the disk has room for; `None`: any number.
     pub(super) room: Option<usize>,
+    /// Someone wants to cancel.
+    pub(super) stops: bool,
 }
 
 impl Shell for Script {
@@ -64,6 +66,10 @@ impl Shell for Script {
 
     fn age(&self, _: f64) -> Option<Duration> {
         Some(Duration::from_micros(150))
+    }
+
+    fn is_stopped(&mut self) -> bool {
+        self.stops
     }
 
     fn frame_buffer(&mut self) -> Box<Frame> {

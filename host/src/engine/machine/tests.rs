@@ -135,7 +135,7 @@ fn a_disk_that_is_full_ends_the_take_once_and_the_session_goes_on() {
 }
 
 #[test]
-fn inverse_kinematics_of_many_bones_is_named_and_shows_how_far_it_is() {
+fn inverse_kinematics_of_many_bones_shows_how_far_it_is() {
     for (bones, slow) in [(20, false), (160, true)] {
         let entry = MappingEntry::new(armature_rig::PartUid([3; 12]), format!("bone {}", bones - 1));
         let mapping = Some(Mapping { entries: vec![entry], ..Mapping::default() });
@@ -143,7 +143,7 @@ fn inverse_kinematics_of_many_bones_is_named_and_shows_how_far_it_is() {
         let news = LoadNews::Over(Ok((rope(bones), Vec::new())));
         session.at(0.0, Input::Loaded { load: LoadId::BROUGHT_ALONG, news });
         let told = session.connect(0.0).to_vec();
-        assert_eq!(problems(&told).iter().filter(|what| what.contains("160 bones")).count(), usize::from(slow));
+        assert!(problems(&told).is_empty(), "{told:?}");
         let busy = |event: &EngineEvent| matches!(event, EngineEvent::Busy { fraction: Some(_), .. });
         assert_eq!(
             (has(&told, busy), has(&told, |event| matches!(event, EngineEvent::Idle))),
@@ -151,6 +151,24 @@ fn inverse_kinematics_of_many_bones_is_named_and_shows_how_far_it_is() {
             "{told:?}"
         );
     }
+}
+
+#[test]
+fn preparing_inverse_kinematics_can_be_cancelled() {
+    let entry = MappingEntry::new(armature_rig::PartUid([3; 12]), "bone 19");
+    let mapping = Some(Mapping { entries: vec![entry], ..Mapping::default() });
+    let mut session = Session::new(EngineSettings { mapping, ..EngineSettings::default() });
+    let loaded = || Input::Loaded { load: LoadId::BROUGHT_ALONG, news: LoadNews::Over(Ok((rope(20), Vec::new()))) };
+    session.at(0.0, loaded());
+    session.script.stops = true;
+    let told = session.connect(0.0).to_vec();
+    assert!(problems(&told).iter().any(|what| what.contains("was cancelled")), "{told:?}");
+    session.script.stops = false;
+    session.sample(0.1, 1000);
+    assert!(has(session.sample(0.2, 1010), is_frame), "the joints are followed all the same");
+    let told = session.at(0.3, loaded()).to_vec();
+    assert!(problems(&told).is_empty(), "{told:?}");
+    assert!(session.engine.puppeteer().unwrap().ik_problem().is_none());
 }
 
 #[test]

@@ -26,6 +26,7 @@ impl Puppeteer {
             pins: ik.pins().map(|pin| pin.to_string()).collect(),
             preferences: self.preferences.clone(),
             limits: ik.limits().map(|limited| limited.to_string()).collect(),
+            settings: ik.settings().words(self.character.skeleton.len()),
         })
     }
 

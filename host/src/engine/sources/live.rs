@@ -127,6 +127,10 @@ impl Source for LiveSource {
         self.inbox.next(patience).unwrap_or(Input::Tick)
     }
 
+    fn is_stopped(&mut self) -> bool {
+        self.inbox.is_stopped()
+    }
+
     fn now(&self) -> f64 {
         self.opener.began.elapsed().as_secs_f64()
     }

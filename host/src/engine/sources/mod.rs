@@ -29,6 +29,10 @@ pub trait Source {
     fn now(&self) -> f64;
     /// How long ago this was, by a clock that kept running; `None` on a virtual one.
     fn age(&self, at: f64) -> Option<Duration>;
+    /// Whether a command to cancel or quit is waiting.
+    fn is_stopped(&mut self) -> bool {
+        false
+    }
     /// Does what the engine requests, without blocking it.
     fn fulfil(&mut self, request: Request);
     /// Saves a calibration where this line's puppet has its own, if it has one.

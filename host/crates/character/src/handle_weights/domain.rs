@@ -122,7 +122,7 @@ const INSIDE: f64 = 0.5;
 pub const FLAT: f64 = 1e-3;
 
 /// Removes flat elements; returns how many there were. Their vertices stay; most belong to others too.
-fn without_flat(mesh: &TetrahedralMesh) -> (TetrahedralMesh, usize) {
+pub(crate) fn without_flat(mesh: &TetrahedralMesh) -> (TetrahedralMesh, usize) {
     let is_solid = |corners: &&[u32; 4]| {
         let [a, b, c, d] = corners.map(|v| DVec3::from(mesh.vertices[v as usize]));
         let edges = [b - a, c - a, d - a, c - b, d - b, d - c];

@@ -42,6 +42,7 @@ mod warnings;
 mod weights;
 
 pub use domain::FLAT;
+pub(crate) use domain::without_flat;
 pub use error::HandleWeightsError;
 pub use handle::{HandlePlace, HandleShape, Held};
 pub use outcome::{Certificates, HandleWeights};

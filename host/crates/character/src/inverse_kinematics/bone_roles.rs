@@ -41,16 +41,29 @@ pub(super) fn bases(skeleton: &Skeleton, driven: &[bool], moves: &[bool]) -> Vec
 ///
 /// `driven`: whether a joint turns it; `pins`: what of it is held; `moves`: whether part of the shape follows it. A
 /// bone that moves nothing cannot be solved from the shape and follows its parent. `dragged`: what targets ask for; a joint
-/// has the last word.
+/// has the last word. `free_roots`: roots of trees of which
+/// nothing is asked are no base.
 pub(super) fn bone_roles(
     skeleton: &Skeleton,
     driven: &[bool],
     pins: &[Option<PinHold>],
     moves: &[bool],
     dragged: &[Dragged],
+    free_roots: bool,
 ) -> Vec<BoneRole> {
     let bones = skeleton.bones();
-    let base = bases(skeleton, driven, moves);
+    let mut base = bases(skeleton, driven, moves);
+    if free_roots {
+        let asked = |bone: usize| driven[bone] || pins[bone].is_some() || dragged[bone] != Dragged::default();
+        let mut is_asked: Vec<bool> = (0..bones.len()).map(asked).collect();
+        for bone in (0..bones.len()).rev() {
+            if let Some(parent) = bones[bone].parent {
+                is_asked[parent] |= is_asked[bone];
+            }
+        }
+        // Where nothing is asked of a tree, it may go with the shape.
+        base.iter_mut().zip(is_asked).for_each(|(base, is_asked)| *base &= is_asked);
+    }
     let given = |bone: usize| driven[bone] || pins[bone] == Some(PinHold::Fixed) || base[bone];
     // Anything held further down makes the bones above it move.
     let needs = |bone: usize| given(bone) || pins[bone].is_some() || dragged[bone] != Dragged::default();
@@ -92,7 +105,7 @@ mod tests {
         let flags = |chosen: &[usize]| (0..9).map(|b| chosen.contains(&b)).collect::<Vec<_>>();
         let moves: Vec<bool> = (0..9).map(|b| b != 0 && b != 6).collect();
         let pins: Vec<Option<PinHold>> = flags(pinned).iter().map(|pinned| pinned.then_some(PinHold::Fixed)).collect();
-        bone_roles(&skeleton, &flags(driven), &pins, &moves, &[Dragged::default(); 9])
+        bone_roles(&skeleton, &flags(driven), &pins, &moves, &[Dragged::default(); 9], false)
     }
 
     #[test]

@@ -3,6 +3,9 @@
 use armature_deform::arap::ArapError;
 use armature_deform::skin::SkinError;
 use armature_rig::Skeleton;
+use armature_weights::biharmonic::BiharmonicError;
+
+use crate::volume::MakeError;
 
 /// Why a character has no inverse kinematics.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -24,6 +27,15 @@ pub enum IkError {
     /// The shape cannot be reduced to its bones.
     #[error("the shape cannot be posed by a few of its bones: {0}")]
     Shape(#[from] ArapError),
+    /// The volume inside the character cannot be made.
+    #[error("the volume inside the character cannot be made: {0}")]
+    Volume(MakeError),
+    /// The character is flat, or no volume of it is left.
+    #[error("the character has no inside; choose the energy of its surface")]
+    NoInside,
+    /// The weights inside the character cannot be found.
+    #[error("the weights inside the character cannot be found: {0}")]
+    Weights(BiharmonicError),
     /// The character cannot be brought into its rest pose.
     #[error(transparent)]
     Skin(#[from] SkinError),

@@ -3,13 +3,16 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use armature_deform::arap::{ArapEnergy, ArapSettings, ArapShape, ReducedArap, SharedJoint};
+use armature_deform::arap::{ArapEnergy, ArapShape, ArapWeights, ReducedArap, SharedJoint, WeightRows};
+use armature_geometry::TriangleMesh;
 use armature_rig::TargetError;
 use glam::{DVec3, Vec3};
 
 use super::error::IkError;
+use super::inside::Inside;
 use super::layout::Layout;
 use super::rest::RestRig;
+use super::settings::{IkEnergy, IkSettings};
 use crate::character::{Character, Surface};
 
 /// The character's shape as the energy sees it.
@@ -18,6 +21,8 @@ pub(super) struct Shape {
     surface: Arc<Surface>,
     /// Its vertices in the skeleton's rest pose, where some part was bound in another.
     in_rest_pose: Option<Vec<[f64; 3]>>,
+    /// What fills it, once that has been asked for.
+    inside: Option<Arc<Inside>>,
 }
 
 impl Shape {
@@ -28,7 +33,7 @@ impl Shape {
         } else {
             None
         };
-        Ok(Self { surface, in_rest_pose })
+        Ok(Self { surface, in_rest_pose, inside: None })
     }
 
     /// For every bone, the total weight of all vertices.
@@ -67,17 +72,40 @@ impl Shape {
         Ok(sums.into_iter().map(bone).collect())
     }
 
+    /// Finds what fills the surface, where the energy needs it.
+    pub(super) fn fill(
+        &mut self,
+        bones: usize,
+        energy: IkEnergy,
+        progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
+    ) -> Result<(), IkError> {
+        if energy == IkEnergy::Volume && self.inside.is_none() {
+            let Surface { mesh, influences, .. } = &*self.surface;
+            let vertices = self.in_rest_pose.as_ref().unwrap_or(&mesh.vertices).clone();
+            let surface = TriangleMesh { vertices, triangles: mesh.triangles.clone() };
+            self.inside = Some(Arc::new(Inside::of(&surface, influences, bones, progress)?));
+        }
+        Ok(())
+    }
+
     pub(super) fn reduce(
         &self,
         rig: &RestRig,
         layout: &Layout,
+        settings: &IkSettings,
         progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
     ) -> Result<ReducedArap, IkError> {
-        let handles = layout.handle_count();
-        let mut weights = vec![0.0; self.surface.mesh.vertices.len() * handles];
-        for (vertex, row) in weights.chunks_exact_mut(handles).enumerate() {
-            for (bone, weight) in self.surface.influences.of_vertex(vertex) {
-                row[layout.handle_of_bone[usize::from(bone)]] += f64::from(weight);
+        let inside = self.inside.as_deref().filter(|_| settings.energy == IkEnergy::Volume);
+        let mut weights = WeightRows::default();
+        if let Some(inside) = inside {
+            for vertex in 0..inside.positions.len() {
+                let followed = inside.weights.of(vertex).iter();
+                weights.push(followed.map(|(bone, weight)| (layout.handle_of_bone[*bone as usize], *weight)));
+            }
+        } else {
+            for vertex in 0..self.surface.mesh.vertices.len() {
+                let of_handle = |(bone, weight)| (layout.handle_of_bone[usize::from(bone)], f64::from(weight));
+                weights.push(self.surface.influences.of_vertex(vertex).map(of_handle));
             }
         }
         let head = |bone: usize| rig.heads[bone].as_dvec3().to_array();
@@ -90,13 +118,19 @@ impl Shape {
         let joints: Vec<SharedJoint> = layout.bone_of_handle.iter().enumerate().filter_map(joint).collect();
         let mut arap = ReducedArap::precompute(
             &ArapShape {
-                positions: self.in_rest_pose.as_ref().unwrap_or(&self.surface.mesh.vertices),
-                energy: ArapEnergy::SpokesAndRims(&self.surface.mesh.triangles),
-                weights: &weights,
+                positions: match inside {
+                    Some(inside) => &inside.positions,
+                    None => self.in_rest_pose.as_ref().unwrap_or(&self.surface.mesh.vertices),
+                },
+                energy: match inside {
+                    Some(inside) => ArapEnergy::Tetrahedra(&inside.tetrahedra),
+                    None => ArapEnergy::SpokesAndRims(&self.surface.mesh.triangles),
+                },
+                weights: ArapWeights::Rows(&weights),
                 handle_points: &handle_points,
                 joints: &joints,
             },
-            &ArapSettings::default(),
+            &settings.reduction(layout.handle_count()),
             progress,
         )?;
         arap.constrain(&layout.constraints, &[])?;

@@ -11,7 +11,9 @@ use super::held_pins::{HeldPins, Pin};
 use super::joint_limit::HandleLimit;
 use super::jointed_pins::JointedPins;
 use super::layout::Layout;
+use super::loose_bones::loosen;
 use super::pinned_bone::PinHold;
+use super::refit_cost::RefitCost;
 use super::rest::RestRig;
 use super::targets::{Attachment, Followed, Way};
 
@@ -73,6 +75,10 @@ pub(super) struct SolvedSystem {
     shifts: Vec<Vec3>,
     /// `model_from_bone` rotations.
     rotations: Vec<Quat>,
+    /// `model_from_bone` of every bone, where bones are loose.
+    loose: Option<Vec<Affine3A>>,
+    /// Of the last pose.
+    energy: Option<f64>,
 }
 
 impl SolvedSystem {
@@ -82,6 +88,7 @@ impl SolvedSystem {
         arap: ReducedArap,
         limits: Vec<HandleLimit>,
         attached: Vec<Attachment>,
+        loose: bool,
     ) -> Self {
         let bones = rig.skeleton.bones();
         let roots: Vec<usize> = roots(rig).collect();
@@ -122,6 +129,8 @@ impl SolvedSystem {
             micros: None,
             shifts: vec![Vec3::ZERO; roots.len()],
             rotations: vec![Quat::IDENTITY; bones.len()],
+            loose: loose.then(|| vec![Affine3A::IDENTITY; bones.len()]),
+            energy: None,
             roots,
             layout,
         }
@@ -155,9 +164,8 @@ impl SolvedSystem {
         self.set_anchors(moment, followed);
         let stop = if self.is_first { FIRST_STEPS } else { STEPS_A_FRAME };
         self.is_first = false;
-        if self.arap.solve(&self.targets, &self.anchors, stop).is_err() {
-            return;
-        }
+        let Ok(report) = self.arap.solve(&self.targets, &self.anchors, stop) else { return };
+        self.energy = Some(report.energy);
         self.fit_rotations();
         self.turn_softly(rig, followed);
         for (shift, &root) in self.shifts.iter_mut().zip(&self.roots) {
@@ -175,6 +183,21 @@ impl SolvedSystem {
         self.before.copy_from_slice(&self.turns);
         self.micros = Some(moment.device_micros);
         self.write(rig, pose);
+        if let Some(frames) = &mut self.loose {
+            loosen(rig, &self.layout, self.arap.transforms(), frames, pose);
+        }
+    }
+
+    /// The energy of the last pose as it was solved, and as bones have it.
+    pub(super) fn refit_cost(&self, rig: &RestRig, pose: &Pose) -> Option<RefitCost> {
+        let minimiser = self.energy?;
+        let mut frames = vec![Affine3A::IDENTITY; rig.skeleton.len()];
+        pose.forward_kinematics(&rig.skeleton, &mut frames);
+        let rest = rig.skeleton.rest_model_from_bone();
+        let maps: Vec<Affine3A> =
+            self.layout.bone_of_handle.iter().map(|&bone| frames[bone] * rest[bone].inverse()).collect();
+        let posed = self.arap.energy_of(&maps).ok()?;
+        Some(RefitCost { minimiser, posed })
     }
 
     /// No solved bone turns by more than it may since the pose before.

@@ -16,7 +16,9 @@ use super::joint_limit::{HandleLimit, JointLimit, LimitedBone};
 use super::layout::Layout;
 use super::pinned_bone::{PinHold, PinnedBone};
 use super::preferred_bone::PreferredBone;
+use super::refit_cost::RefitCost;
 use super::rest::RestRig;
+use super::settings::{IkBones, IkEnergy, IkSettings};
 use super::shape::Shape;
 use super::solved_system::{SolvedSystem, roots};
 use super::targets::{Attachment, Followed, Missed};
@@ -27,10 +29,13 @@ const LEAST_WEIGHT: f64 = 1.0;
 /// A soft target never pulls harder than this, in the unit of [`Anchor::strength`].
 const STRONGEST_SPRING: f64 = 1e3;
 
+/// What share of the time of preparing the volume takes, where the energy needs it.
+const FILLING_SHARE: f64 = 0.8;
+
 /// Inverse kinematics of one character; see the [module](super).
 ///
-/// Learns from the poses which bones are driven; a change prepares the reduced system again, which takes a few
-/// hundredths of a second.
+/// Learns from the poses which bones are driven; a change prepares the reduced system again: a few hundredths
+/// of a second for tens of bones, less than a second for hundreds.
 #[derive(Clone, Debug)]
 pub struct InverseKinematics {
     /// With the pins in force; those that targets have replaced are left out.
@@ -38,6 +43,7 @@ pub struct InverseKinematics {
     /// As chosen.
     pins: Vec<Option<PinHold>>,
     shape: Shape,
+    settings: IkSettings,
     comforts: Vec<Option<Comfort>>,
     limits: Vec<Option<JointLimit>>,
     moves: Vec<bool>,
@@ -74,12 +80,13 @@ impl InverseKinematics {
         let moves: Vec<bool> = shape.weight_of_bones(skeleton.len()).iter().map(|w| *w >= LEAST_WEIGHT).collect();
         let driven = vec![false; skeleton.len()];
         Ok(Self {
-            roles: bone_roles(&skeleton, &driven, &held, &moves, &vec![Dragged::default(); skeleton.len()]),
-            pins: held.clone(),
+            roles: bone_roles(&skeleton, &driven, &held, &moves, &vec![Dragged::default(); skeleton.len()], false),
             comforts: vec![None; skeleton.len()],
             limits: vec![None; skeleton.len()],
-            rig: RestRig::new(skeleton, held),
+            rig: RestRig::new(skeleton, held.clone()),
+            pins: held,
             shape,
+            settings: IkSettings::default(),
             moves,
             driven,
             system: None,
@@ -91,6 +98,46 @@ impl InverseKinematics {
             latest: None,
             let_go: Vec::new(),
         })
+    }
+
+    /// With other settings; nothing is driven then.
+    #[must_use]
+    pub fn with_settings(mut self, settings: IkSettings) -> Self {
+        self.settings = settings;
+        self.forget_driven();
+        self
+    }
+
+    /// How the shape is reduced.
+    pub fn settings(&self) -> &IkSettings {
+        &self.settings
+    }
+
+    /// Takes the pins off roots of trees in which nothing is driven, dragged or pinned.
+    fn let_roots_go(&mut self) {
+        let bones = self.rig.skeleton.bones();
+        let root = |mut bone: usize| {
+            while let Some(parent) = bones[bone].parent {
+                bone = parent;
+            }
+            bone
+        };
+        let mut is_asked = vec![false; bones.len()];
+        for bone in 0..bones.len() {
+            is_asked[root(bone)] |= self.driven[bone] || (self.pins[bone].is_some() && root(bone) != bone);
+        }
+        self.targets.iter().for_each(|target| is_asked[root(target.bone())] = true);
+        // Something has to stay.
+        let some_stay = is_asked.contains(&true);
+        for bone in (0..bones.len()).filter(|&bone| some_stay && root(bone) == bone && !is_asked[bone]) {
+            self.rig.pins[bone] = None;
+        }
+    }
+
+    fn forget_driven(&mut self) {
+        self.system = None;
+        self.driven.fill(false);
+        self.give_out_roles();
     }
 
     /// Prepares for these driven bones (one flag per bone). `progress` receives the current stage and the fraction of
@@ -111,7 +158,7 @@ impl InverseKinematics {
     }
 
     fn prepare(
-        &self,
+        &mut self,
         progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
     ) -> Result<Option<SolvedSystem>, IkError> {
         let as_at_rest = |(bone, pin): (&armature_rig::Bone, &Option<PinHold>)| {
@@ -125,7 +172,11 @@ impl InverseKinematics {
             return Ok(None);
         }
         let layout = Layout::new(&self.rig, &self.roles);
-        let mut arap = self.shape.reduce(&self.rig, &layout, progress)?;
+        let filled = if self.settings.energy == IkEnergy::Volume { FILLING_SHARE } else { 0.0 };
+        let mut told = |stage: &'static str, done: f64| progress(stage, filled * done);
+        self.shape.fill(self.rig.skeleton.len(), self.settings.energy, &mut told)?;
+        let mut told = |stage: &'static str, done: f64| progress(stage, filled + (1.0 - filled) * done);
+        let mut arap = self.shape.reduce(&self.rig, &layout, &self.settings, &mut told)?;
         arap.soften(&soft_joints(&self.comforts, &self.rig, &layout))?;
         let limits = self.handle_limits(&layout);
         let roots: Vec<usize> = roots(&self.rig).collect();
@@ -140,7 +191,8 @@ impl InverseKinematics {
         if !anchors.is_empty() {
             arap.constrain(&layout.constraints, &anchors)?;
         }
-        Ok(Some(SolvedSystem::new(&self.rig, layout, arap, limits, attached)))
+        let loose = self.settings.bones == IkBones::Loose;
+        Ok(Some(SolvedSystem::new(&self.rig, layout, arap, limits, attached, loose)))
     }
 
     /// The role of every bone, and which pins are in force: a target takes the place of the pin of its bone, and a bone of
@@ -150,6 +202,10 @@ impl InverseKinematics {
         let base = bases(skeleton, &self.driven, &self.moves);
         let mut dragged = vec![Dragged::default(); skeleton.len()];
         self.rig.pins.clone_from(&self.pins);
+        if self.settings.free_roots {
+            self.let_roots_go();
+        }
+        let skeleton = &self.rig.skeleton;
         self.holds_root = false;
         for target in &self.targets {
             target.mark(&mut dragged);
@@ -176,7 +232,8 @@ impl InverseKinematics {
                 }
             }
         }
-        self.roles = bone_roles(skeleton, &self.driven, &self.rig.pins, &self.moves, &dragged);
+        let free_roots = self.settings.free_roots;
+        self.roles = bone_roles(skeleton, &self.driven, &self.rig.pins, &self.moves, &dragged, free_roots);
     }
 
     /// The limits of solved bones, parents first.
@@ -201,9 +258,7 @@ impl InverseKinematics {
             }
             self.limits[bone] = Some(limited.limit);
         }
-        self.system = None;
-        self.driven.fill(false);
-        self.give_out_roles();
+        self.forget_driven();
         Ok(())
     }
 
@@ -304,6 +359,12 @@ impl InverseKinematics {
             }
         }
         out
+    }
+
+    /// What it costs that bones are rigid, in this pose, which must be the last one completed; `None` if nothing was
+    /// solved.
+    pub fn refit_cost(&self, pose: &Pose) -> Option<RefitCost> {
+        self.system.as_ref()?.refit_cost(&self.rig, pose)
     }
 
     /// How far the worst pin was missed in the last pose (mesh units); 0 if all are in place.

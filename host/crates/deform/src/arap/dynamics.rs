@@ -5,9 +5,10 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::error::ArapError;
+use super::given::Resistance;
 use super::reduction::Reduction;
 use super::state::State;
-use super::system::{Resistance, System};
+use super::system::System;
 
 /// How a shape moves on its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,7 +106,7 @@ impl Motion {
         self.systems.push((step.resistance, system));
         for axis in 0..3 {
             let rows = self.speed[axis].iter_mut().zip(&self.before[axis]);
-            for ((speed, before), now) in rows.zip(&state.transposed[axis]) {
+            for ((speed, before), now) in rows.zip(&state.maps.transposed[axis]) {
                 *speed = (now - before) / step.length;
             }
         }
@@ -137,8 +138,8 @@ impl Motion {
         let gravity = dynamics.gravity.as_dvec3() / reduction.size;
         for axis in 0..3 {
             let fall = if reduction.planar && axis == 2 { 0.0 } else { gravity[axis] * length * length };
-            self.before[axis].copy_from_slice(&state.transposed[axis]);
-            let now = state.transposed[axis].iter().zip(&self.speed[axis]);
+            self.before[axis].copy_from_slice(&state.maps.transposed[axis]);
+            let now = state.maps.transposed[axis].iter().zip(&self.speed[axis]);
             for (row, (ahead, (now, speed))) in self.ahead[axis].iter_mut().zip(now).enumerate() {
                 *ahead = weight * (now + kept * length * speed + if row % 4 == 3 { fall } else { 0.0 });
             }

@@ -1,7 +1,5 @@
 //! Why a shape cannot be reduced or solved.
 
-use super::settings::MOST_CLUSTERS;
-
 /// Why a shape cannot be reduced or solved.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ArapError {
@@ -41,6 +39,16 @@ pub enum ArapError {
         /// How many handles there are.
         handle_count: usize,
     },
+    /// A vertex follows a handle that does not exist.
+    #[error("vertex {vertex} follows handle {handle}, but there are only {handle_count} handles")]
+    WeightOutOfRange {
+        /// Zero-based vertex.
+        vertex: usize,
+        /// The offending zero-based handle.
+        handle: usize,
+        /// How many handles there are.
+        handle_count: usize,
+    },
     /// A number is NaN, infinite or beyond 1e30.
     #[error("{what} {index} has a number that is not finite or beyond 1e30")]
     NotFinite {
@@ -65,10 +73,12 @@ pub enum ArapError {
         joint: usize,
     },
     /// More rotation clusters were requested than memory allows.
-    #[error("{clusters} rotation clusters are too many (at most {MOST_CLUSTERS}); set `clusters` to fewer")]
+    #[error("{clusters} rotation clusters are too many (at most {most}); set `clusters` to fewer")]
     TooManyClusters {
         /// How many the settings and the shape lead to.
         clusters: usize,
+        /// The most that this kind of global step takes.
+        most: usize,
     },
     /// The progress callback asked to stop.
     #[error("cancelled")]

@@ -4,7 +4,8 @@
 //! | what | type |
 //! |---|---|
 //! | a shape, its weights and its handles at rest | [`ArapShape`], [`ArapEnergy`], [`SharedJoint`] |
-//! | reduced once, solved every frame | [`ReducedArap`], [`ArapSettings`] |
+//! | how much vertices follow handles | [`ArapWeights`], [`WeightRows`] |
+//! | reduced once, solved every frame | [`ReducedArap`], [`ArapSettings`], [`GlobalStep`] |
 //! | the given part of a pose | [`HandleConstraint`], [`Anchor`], [`AnchorPoint`] |
 //! | what bones prefer | [`SoftJoint`], [`RotationLimit`] |
 //! | momentum and gravity | [`ArapDynamics`] |
@@ -14,14 +15,16 @@
 //!
 //! ```
 //! use std::ops::ControlFlow;
-//! use armature_deform::arap::{ArapEnergy, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap};
+//! use armature_deform::arap::{
+//!     ArapEnergy, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint, ReducedArap,
+//! };
 //! use glam::{Affine3A, Vec3};
 //!
 //! let positions = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 //! let shape = ArapShape {
 //!     positions: &positions,
 //!     energy: ArapEnergy::PlanarTriangles(&[[0, 1, 2], [0, 2, 3]]),
-//!     weights: &[1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0],
+//!     weights: ArapWeights::Matrix(&[1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]),
 //!     handle_points: &[[0.0, 0.5, 0.0], [2.0, 0.5, 0.0]],
 //!     joints: &[],
 //! };
@@ -35,11 +38,20 @@
 //! # Ok::<(), armature_deform::arap::ArapError>(())
 //! ```
 
+mod block_factor;
+mod blocks;
 mod clusters;
 mod constraint;
 mod dynamics;
 mod energy;
+mod energy_of;
 mod error;
+mod factor;
+mod factor_steps;
+mod given;
+mod inverse;
+mod inverse_steps;
+mod local_step;
 mod reduced;
 mod reduction;
 mod report;
@@ -50,6 +62,7 @@ mod soft_joints;
 mod solve;
 mod state;
 mod system;
+mod weights;
 
 pub use constraint::{Anchor, AnchorPoint, HandleConstraint};
 pub use dynamics::ArapDynamics;
@@ -58,6 +71,7 @@ pub use error::ArapError;
 pub use reduced::ReducedArap;
 pub use report::{ArapOutcome, ArapReport, ArapStop, ArapWarnings};
 pub use rotation_limit::RotationLimit;
-pub use settings::{ArapSettings, MOST_CLUSTERS};
+pub use settings::{ArapSettings, GlobalStep};
 pub use shape::{ArapShape, SharedJoint};
 pub use soft_joints::SoftJoint;
+pub use weights::{ArapWeights, WeightRows};

@@ -7,6 +7,7 @@ use glam::{Affine3A, Vec3};
 
 use super::constraint::{Anchor, HandleConstraint};
 use super::dynamics::{ArapDynamics, Motion, Step};
+use super::energy_of::energy_of;
 use super::error::{ArapError, expect_length};
 use super::reduction::{Reduction, proceed, reduce};
 use super::report::{ArapReport, ArapStop};
@@ -15,7 +16,8 @@ use super::shape::ArapShape;
 use super::soft_joints::SoftJoint;
 use super::solve::{Targets, local_global};
 use super::state::State;
-use super::system::System;
+use super::system::{Solver, System};
+use crate::lanes::LANES;
 
 /// A shape reduced to the transformations of its handles, ready to be solved every frame.
 ///
@@ -67,9 +69,9 @@ impl ReducedArap {
         self.anchors = anchors.to_vec();
         self.motion.forget_systems();
         self.state.make_room_for_system(&self.system);
-        self.state.anchor_targets.clear();
+        self.state.ends.anchor_targets.clear();
         for anchor in anchors {
-            self.state.anchor_targets.push(self.reduction.rest_anchor(anchor));
+            self.state.ends.anchor_targets.push(self.reduction.rest_anchor(anchor));
         }
         Ok(())
     }
@@ -85,7 +87,7 @@ impl ReducedArap {
         // What an earlier limit allowed may be beyond the new one.
         self.state.make_room_for(self.bare.cluster_count);
         self.state.make_room_for(self.reduction.cluster_count);
-        let system = System::new(&self.reduction, &self.system.constraints, &self.anchors, None)?;
+        let system = System::new(&self.reduction, &self.system.given.constraints, &self.anchors, None)?;
         self.system = Arc::new(system);
         self.state.make_room_for_system(&self.system);
         self.motion.forget_systems();
@@ -102,6 +104,14 @@ impl ReducedArap {
         self.bare.cluster_count
     }
 
+    /// How many numbers an iteration reads: what its time grows with.
+    pub fn numbers_per_iteration(&self) -> usize {
+        match &self.system.solver {
+            Solver::Inverse(inverse) => 3 * LANES * inverse.panels.len(),
+            Solver::Factor(factor) => 2 * factor.factor.stored() + 2 * 12 * self.reduction.covariance.stored(),
+        }
+    }
+
     /// Elements without area or volume, which the energy ignores.
     pub fn degenerate_elements(&self) -> usize {
         self.reduction.degenerate
@@ -114,7 +124,14 @@ impl ReducedArap {
 
     /// The handles' `model_from_rest` transformations after the last solve (identities before the first).
     pub fn transforms(&self) -> &[Affine3A] {
-        &self.state.transforms
+        &self.state.ends.transforms
+    }
+
+    /// The energy of the shape under these transformations of its handles, whatever is given of them, with the rotations
+    /// that suit them best; in the unit of [`ArapReport::energy`].
+    pub fn energy_of(&self, transforms: &[Affine3A]) -> Result<f64, ArapError> {
+        expect_length("transformations", transforms.len(), self.handle_count())?;
+        Ok(energy_of(&self.reduction, transforms))
     }
 
     /// Forgets the current pose: the next solve or step starts from the rest pose, at rest.
@@ -169,12 +186,12 @@ impl ReducedArap {
     }
 
     fn moving_system(&self, step: Step) -> Result<System, ArapError> {
-        System::new(&self.reduction, &self.system.constraints, &self.anchors, Some(step.resistance))
+        System::new(&self.reduction, &self.system.given.constraints, &self.anchors, Some(step.resistance))
     }
 
     fn targets<'a>(&self, handles: &'a [Affine3A], anchors: &'a [Vec3]) -> Result<Targets<'a>, ArapError> {
         expect_length("handle targets", handles.len(), self.handle_count())?;
-        expect_length("anchor targets", anchors.len(), self.state.anchor_targets.len())?;
+        expect_length("anchor targets", anchors.len(), self.state.ends.anchor_targets.len())?;
         Ok(Targets { handles, anchors })
     }
 }

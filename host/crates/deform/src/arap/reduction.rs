@@ -5,13 +5,15 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::clusters::rotation_clusters;
+use super::blocks::BlockRows;
+use super::clusters::{SparsePoints, rotation_clusters};
 use super::constraint::{Anchor, AnchorPoint};
 use super::energy::EdgeSets;
 use super::error::ArapError;
 use super::rotation_limit::LimitedPair;
-use super::settings::{ArapSettings, MOST_CLUSTERS};
+use super::settings::{ArapSettings, GlobalStep};
 use super::shape::{ArapShape, SharedJoint};
+use super::weights::WeightRows;
 use crate::dense::Dense;
 
 /// Everything about a shape that constraints do not change, in coordinates with its centre at the origin and a radius
@@ -27,13 +29,15 @@ pub(super) struct Reduction {
     /// From the normalised energy to the shape's own units.
     pub(super) energy_unit: f64,
     /// `L̃ = Mᵀ L M`, 4m×4m.
-    pub(super) stiffness: Dense,
+    pub(super) stiffness: BlockRows<4>,
     /// `K̃ = K M`, 3r×4m.
-    pub(super) covariance: Dense,
+    pub(super) covariance: BlockRows<3>,
     /// `½ Σ c ‖v_i − v_j‖²`.
     pub(super) constant: f64,
     /// `Mᵀ mass M` plus a little of the identity: how far a pose is from rest, to decide what nothing else does.
-    pub(super) closeness: Dense,
+    pub(super) closeness: BlockRows<4>,
+    /// The same matrices with their zeros, for a global step by an inverse.
+    pub(super) with_zeros: Option<WithZeros>,
     pub(super) degenerate: usize,
     pub(super) weightless: Vec<usize>,
     pub(super) handle_points: Vec<[f64; 3]>,
@@ -44,11 +48,18 @@ pub(super) struct Reduction {
     pub(super) limits: Vec<LimitedPair>,
 }
 
+/// Stiffness, covariance and closeness of a [`Reduction`] with their zeros.
+#[derive(Clone, Debug)]
+pub(super) struct WithZeros {
+    pub(super) stiffness: Dense,
+    pub(super) covariance: Dense,
+    pub(super) closeness: Dense,
+}
+
 /// The rows of `M` by vertex: the handles with their weights, and the normalised position.
 #[derive(Clone, Debug)]
 pub(super) struct LinearBlendRows {
-    starts: Vec<usize>,
-    influences: Vec<(u32, f64)>,
+    weights: WeightRows,
     positions: Vec<[f64; 3]>,
 }
 
@@ -69,27 +80,27 @@ const COVARIANCES: &str = "adding up what pulls at rotations";
 const STIFFNESS: &str = "adding up the stiffness";
 
 impl LinearBlendRows {
-    fn new(positions: Vec<[f64; 3]>, weights: &[f64], handle_count: usize) -> Self {
-        let mut rows = Self { starts: vec![0], influences: Vec::new(), positions };
-        for row in weights.chunks_exact(handle_count) {
-            rows.influences.extend((0_u32..).zip(row).filter(|(_, w)| **w != 0.0).map(|(h, &w)| (h, w)));
-            rows.starts.push(rows.influences.len());
-        }
-        rows
-    }
-
     /// Adds a multiple of a vertex's row.
     pub(super) fn add(&self, vertex: usize, factor: f64, to: &mut [f64]) {
         let point = homogeneous(self.positions[vertex]);
-        for &(handle, weight) in self.of(vertex) {
+        for &(handle, weight) in self.weights.of(vertex) {
             let weight = factor * weight;
             let four = &mut to[4 * handle as usize..4 * handle as usize + 4];
             four.iter_mut().zip(point).for_each(|(to, c)| *to += weight * c);
         }
     }
 
-    fn of(&self, vertex: usize) -> &[(u32, f64)] {
-        &self.influences[self.starts[vertex]..self.starts[vertex + 1]]
+    /// Adds a multiple of a vertex's row to a row of a block row.
+    fn add_to_blocks(&self, vertex: usize, factor: f64, to: &mut BlockRows<3>, row: usize, part: usize) {
+        let point = homogeneous(self.positions[vertex]);
+        for &(handle, weight) in self.weights.of(vertex) {
+            let weight = factor * weight;
+            to.at_mut(row, handle)[part].iter_mut().zip(point).for_each(|(to, c)| *to += weight * c);
+        }
+    }
+
+    pub(super) fn of(&self, vertex: usize) -> &[(u32, f64)] {
+        self.weights.of(vertex)
     }
 
     pub(super) fn vertex_count(&self) -> usize {
@@ -123,26 +134,37 @@ impl Reduction {
     /// Resists every change of a transformation in a step, however long: it decides what neither stiffness nor a long
     /// step's inertia does, such as the rotation of a handle with a single vertex.
     pub(super) fn viscosity(&self) -> f64 {
-        VISCOSITY * (0..self.stiffness.rows).fold(0.0_f64, |largest, i| largest.max(self.stiffness.at(i, i)))
+        VISCOSITY * self.stiffness.largest_diagonal()
     }
 
-    /// The row of `M` by which an anchor's point moves; for one that is held, an equation (a row of `M_eq`).
-    pub(super) fn anchor_row(&self, anchor: &Anchor) -> Vec<f64> {
-        let mut row = vec![0.0; 4 * self.handle_count];
+    /// The row of `M` by which an anchor's point moves, four numbers for each handle it concerns; for one that is held, an
+    /// equation (a row of `M_eq`).
+    pub(super) fn anchor_row(&self, anchor: &Anchor) -> Vec<(u32, [f64; 4])> {
+        let mut row = BlockRows::zeros(1);
         match &anchor.point {
             AnchorPoint::OnShape { vertices, barycentric } => {
                 for (&vertex, weight) in vertices.iter().zip(barycentric) {
-                    self.rows.add(vertex as usize, *weight, &mut row);
+                    self.rows.add_to_blocks(vertex as usize, *weight, &mut row, 0, 0);
                 }
             }
             AnchorPoint::OnHandles(parts) => {
                 for (handle, weight, at) in parts {
-                    let four = &mut row[4 * handle..4 * handle + 4];
+                    let four = &mut row.at_mut(0, *handle as u32)[0];
                     four.iter_mut().zip(homogeneous(self.normalised(*at))).for_each(|(to, c)| *to += weight * c);
                 }
             }
         }
-        row
+        row.row(0).iter().map(|(handle, block)| (*handle, block[0])).collect()
+    }
+
+    /// Adds the zeros, where the global step needs them.
+    pub(super) fn fill_in(&mut self, global_step: GlobalStep) {
+        let handles = self.handle_count;
+        self.with_zeros = (global_step == GlobalStep::Inverse).then(|| WithZeros {
+            stiffness: self.stiffness.to_dense(handles),
+            covariance: self.covariance.to_dense(handles),
+            closeness: self.closeness.to_dense(handles),
+        });
     }
 }
 
@@ -160,12 +182,12 @@ pub(super) fn reduce(
     }
     proceed(progress, GROUPING, 0.0)?;
     let sets = shape.energy.edge_sets(&normalised);
-    let (cluster_of, cluster_count) = clusters_of_sets(&sets, shape.weights, handle_count, settings)?;
+    let weights = shape.weights.rows(handle_count).into_owned();
+    let (cluster_of, cluster_count) = clusters_of_sets(&sets, &weights, handle_count, settings)?;
     proceed(progress, GROUPING, 0.2)?;
     let mut used = vec![false; handle_count];
-    shape.weights.chunks_exact(handle_count).for_each(|row| {
-        used.iter_mut().zip(row).for_each(|(used, w)| *used |= *w != 0.0);
-    });
+    (0..weights.vertex_count())
+        .for_each(|v| weights.of(v).iter().for_each(|(handle, _)| used[*handle as usize] = true));
     let mut reduction = Reduction {
         handle_count,
         cluster_count,
@@ -173,20 +195,22 @@ pub(super) fn reduce(
         centre,
         size,
         energy_unit: size.powi(shape.energy.length_power()),
-        stiffness: Dense::zeros(4 * handle_count, 4 * handle_count),
-        covariance: Dense::zeros(3 * cluster_count, 4 * handle_count),
+        stiffness: BlockRows::zeros(handle_count),
+        covariance: BlockRows::zeros(cluster_count),
         constant: 0.0,
-        closeness: Dense::zeros(4 * handle_count, 4 * handle_count),
+        closeness: BlockRows::zeros(handle_count),
+        with_zeros: None,
         degenerate: sets.degenerate,
         weightless: (0..handle_count).filter(|&h| !used[h]).collect(),
         handle_points: shape.handle_points.to_vec(),
         joints: shape.joints.to_vec(),
-        rows: Arc::new(LinearBlendRows::new(normalised, shape.weights, handle_count)),
+        rows: Arc::new(LinearBlendRows { weights, positions: normalised }),
         limits: Vec::new(),
     };
     reduction.add_covariances(&sets, &cluster_of, progress)?;
     reduction.add_stiffness(&sets, progress)?;
     reduction.add_closeness(&sets.mass);
+    reduction.fill_in(settings.global_step);
     proceed(progress, STIFFNESS, 0.95)?;
     Ok(reduction)
 }
@@ -212,20 +236,29 @@ fn centre_and_size(positions: &[[f64; 3]]) -> ([f64; 3], f64) {
 
 fn clusters_of_sets(
     sets: &EdgeSets,
-    weights: &[f64],
+    weights: &WeightRows,
     handle_count: usize,
     settings: &ArapSettings,
 ) -> Result<(Vec<u32>, usize), ArapError> {
     let wanted = settings.clusters.unwrap_or(2 * handle_count).clamp(1, sets.corners.len().max(1));
-    if wanted > MOST_CLUSTERS {
-        return Err(ArapError::TooManyClusters { clusters: wanted });
+    let most = settings.global_step.most_clusters();
+    if wanted > most {
+        return Err(ArapError::TooManyClusters { clusters: wanted, most });
     }
-    let mut features = vec![0.0; sets.corners.len() * handle_count];
-    for (feature, corners) in features.chunks_exact_mut(handle_count).zip(&sets.corners) {
+    let share = 1.0 / sets.corner_count as f64;
+    let mut features = SparsePoints::default();
+    let mut sums = vec![0.0; handle_count];
+    let mut used: Vec<u32> = Vec::new();
+    for corners in &sets.corners {
         for &corner in &corners[..sets.corner_count] {
-            let row = &weights[corner as usize * handle_count..(corner as usize + 1) * handle_count];
-            crate::dense::add_multiple(feature, 1.0 / sets.corner_count as f64, row);
+            for &(handle, weight) in weights.of(corner as usize) {
+                used.push(handle);
+                sums[handle as usize] += share * weight;
+            }
         }
+        used.sort_unstable();
+        used.dedup();
+        features.push(used.drain(..).map(|handle| (handle, std::mem::take(&mut sums[handle as usize]))));
     }
     Ok(rotation_clusters(&features, handle_count, wanted, settings.seed))
 }
@@ -247,9 +280,9 @@ impl Reduction {
             for axis in 0..3 {
                 let along = self.rows.positions[i][axis] - self.rows.positions[j][axis];
                 self.constant += 0.5 * edge.weight * along * along;
-                let row = self.covariance.row_mut(3 * cluster + axis);
-                self.rows.add(i, edge.weight * along, row);
-                self.rows.add(j, -edge.weight * along, row);
+                let covariance = &mut self.covariance;
+                self.rows.add_to_blocks(i, edge.weight * along, covariance, cluster, axis);
+                self.rows.add_to_blocks(j, -edge.weight * along, covariance, cluster, axis);
             }
         }
         Ok(())
@@ -292,21 +325,22 @@ impl Reduction {
             add_outer_product(&mut self.closeness, &row, mass, &handles);
             handles.iter().for_each(|&h| row[4 * h as usize..4 * h as usize + 4].fill(0.0));
         }
-        for i in 0..4 * self.handle_count {
-            self.closeness.data[i * 4 * self.handle_count + i] += IDENTITY_SHARE;
+        for handle in 0..self.handle_count {
+            let block = self.closeness.at_mut(handle, handle as u32);
+            (0..4).for_each(|part| block[part][part] += IDENTITY_SHARE);
         }
     }
 }
 
 /// `to += weight · row rowᵀ`, where only the entries of some handles are nonzero.
-fn add_outer_product(to: &mut Dense, row: &[f64], weight: f64, handles: &[u32]) {
+fn add_outer_product(to: &mut BlockRows<4>, row: &[f64], weight: f64, handles: &[u32]) {
     for &a in handles {
-        for r in 4 * a as usize..4 * a as usize + 4 {
-            let factor = weight * row[r];
-            let out = to.row_mut(r);
-            for &b in handles {
-                let columns = 4 * b as usize..4 * b as usize + 4;
-                out[columns.clone()].iter_mut().zip(&row[columns]).for_each(|(to, c)| *to += factor * c);
+        for &b in handles {
+            let block = to.at_mut(a as usize, b);
+            let columns = &row[4 * b as usize..][..4];
+            for (out, value) in block.iter_mut().zip(&row[4 * a as usize..][..4]) {
+                let factor = weight * value;
+                out.iter_mut().zip(columns).for_each(|(to, c)| *to += factor * c);
             }
         }
     }

@@ -1,7 +1,8 @@
 //! The shape that is posed: its rest positions, elements, weights and handles.
 
 use super::energy::ArapEnergy;
-use super::error::{ArapError, expect_length};
+use super::error::ArapError;
+use super::weights::ArapWeights;
 
 /// A shape with its handles at rest.
 #[derive(Clone, Copy, Debug)]
@@ -10,8 +11,8 @@ pub struct ArapShape<'a> {
     pub positions: &'a [[f64; 3]],
     /// Its elements, and which of their edges share a rotation.
     pub energy: ArapEnergy<'a>,
-    /// n×m weights, row by row. In each row, those of a character's own handles sum to one; additional ones need not.
-    pub weights: &'a [f64],
+    /// The weights of n vertices on m handles. In each row, those of a character's own handles sum to one; additional ones need not.
+    pub weights: ArapWeights<'a>,
     /// m×3: where a handle with a given position is held, a point or a bone's end (mesh units, at rest).
     pub handle_points: &'a [[f64; 3]],
     /// Where two handles stay together, such as bones that meet in a joint.
@@ -42,7 +43,7 @@ impl ArapShape<'_> {
         if let Some((what, _)) = empty.into_iter().find(|(_, empty)| *empty) {
             return Err(ArapError::Empty { what });
         }
-        expect_length("weights", self.weights.len(), vertex_count * handle_count)?;
+        self.weights.expect_size(vertex_count, handle_count)?;
         if let Some((element, vertex)) = self.energy.out_of_range(vertex_count) {
             return Err(ArapError::VertexOutOfRange { element, vertex, vertex_count });
         }
@@ -54,11 +55,17 @@ impl ArapShape<'_> {
                 return Err(ArapError::NotFinite { what, index });
             }
         }
-        for (vertex, row) in self.weights.chunks_exact(handle_count).enumerate() {
-            if !row.iter().all(|w| w.abs() <= LARGEST) {
+        let weights = self.weights.rows(handle_count);
+        for vertex in 0..vertex_count {
+            let row = weights.of(vertex);
+            if !row.iter().all(|(_, w)| w.abs() <= LARGEST) {
                 return Err(ArapError::NotFinite { what: "weights of vertex", index: vertex });
             }
-            if row.iter().all(|&w| w == 0.0) {
+            if let Some((handle, _)) = row.last().filter(|(handle, _)| *handle as usize >= handle_count) {
+                let handle = *handle as usize;
+                return Err(ArapError::WeightOutOfRange { vertex, handle, handle_count });
+            }
+            if row.is_empty() {
                 return Err(ArapError::Unweighted { vertex });
             }
         }

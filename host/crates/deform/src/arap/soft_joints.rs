@@ -9,6 +9,7 @@
 use super::error::ArapError;
 use super::reduction::Reduction;
 use super::rotation_limit::{LimitedPair, RotationLimit};
+use super::settings::GlobalStep;
 
 /// Two handles that meet, and what they prefer. Soft: targets and the shape can overcome it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,9 +35,9 @@ impl Reduction {
             check(joint, soft, self.handle_count)?;
             let [parent, child] = soft.handles;
             for axis in 0..3 {
-                let [p, c] = [4 * parent + axis, 4 * child + axis];
-                for (row, column, sign) in [(p, p, 1.0), (c, c, 1.0), (p, c, -1.0), (c, p, -1.0)] {
-                    out.stiffness.row_mut(row)[column] += sign * soft.stiffness * unit;
+                let pairs = [(parent, parent, 1.0), (child, child, 1.0), (parent, child, -1.0), (child, parent, -1.0)];
+                for (row, column, sign) in pairs {
+                    out.stiffness.at_mut(row, column as u32)[axis][axis] += sign * soft.stiffness * unit;
                 }
             }
             if let Some(limit) = &soft.limit {
@@ -46,17 +47,21 @@ impl Reduction {
                 }
             }
         }
+        if out.with_zeros.is_some() {
+            out.fill_in(GlobalStep::Inverse);
+        }
         Ok(out)
     }
 
     /// `½ s ‖A − R‖²` for a handle's linear part and a rotation of its own.
     fn add_rotation_of(&mut self, handle: usize, strength: f64) {
+        let mut block = [[0.0; 4]; 3];
+        let own = self.stiffness.at_mut(handle, handle as u32);
         for axis in 0..3 {
-            let mut row = vec![0.0; 4 * self.handle_count];
-            row[4 * handle + axis] = strength;
-            self.covariance.push_row(&row);
-            self.stiffness.row_mut(4 * handle + axis)[4 * handle + axis] += strength;
+            block[axis][axis] = strength;
+            own[axis][axis] += strength;
         }
+        self.covariance.push_row(vec![(handle as u32, block)]);
         self.constant += 1.5 * strength;
         self.cluster_count += 1;
     }

@@ -8,7 +8,7 @@ pub const MAGIC: [u8; 8] = *b"\x8aTAKE\r\n\n";
 pub const MAJOR_VERSION: u16 = 1;
 
 /// A higher minor version only adds record types and appends fields to payloads.
-pub const MINOR_VERSION: u16 = 2;
+pub const MINOR_VERSION: u16 = 3;
 
 /// Magic, major, minor and their checksum.
 pub const PREAMBLE_BYTES: usize = 16;

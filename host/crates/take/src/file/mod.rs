@@ -25,7 +25,7 @@
 //! |---|---|
 //! | 8 bytes | `8A 54 41 4B 45 0D 0A 0A` |
 //! | `u16` | major version, 1 |
-//! | `u16` | minor version: 2 if the header says 64 (below), 1 if it says 16, else 0 |
+//! | `u16` | minor version: 3 if the header says 128 (below), 2 if it says 64, 1 if it says 16, else 0 |
 //! | `u32` | CRC-32 of the 12 bytes before |
 //!
 //! Then come records until the end of the file, the header first:
@@ -42,7 +42,7 @@
 //!
 //! | type | payload |
 //! |---|---|
-//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics, 32 with preferences (both since 1.1), 64 with limits (since 1.2) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged 16: `u16` pinned bones · for each: `text` name · if flagged 32 as well: `u16` preferences · for each: `text` · if flagged 64 as well: `u16` limits of joints · for each: `text` |
+//! | 1 header, once, first | `u32` flags: 1 virtual clock, 2 rate given, 4 seed given, 8 wall-clock time given, 16 inverse kinematics, 32 with preferences (both since 1.1), 64 with limits (since 1.2), 128 with settings (since 1.3) · `f64` nominal samples a second · `u64` seed · `i64` start, microseconds since 1970 UTC · 32 bytes hash of the character's content · `text` character · `text` program version · if flagged 16: `u16` pinned bones · for each: `text` name · if flagged 32 as well: `u16` preferences · for each: `text` · if flagged 64 as well: `u16` limits of joints · for each: `text` · if flagged 128 as well: `u16` settings of inverse kinematics · for each: `text` |
 //! | 2 skeleton, at most once, before the first pose | `u16` bones · for each: `text` name · `u16` parent, FFFF for a root · rest transform `parent_from_bone`: 3 `f32` translation, 4 `f32` rotation (x, y, z, w), 3 `f32` scale · 3 `f32` tail in the bone's rest frame |
 //! | 3 topology, from here on | `u16` epoch · `u16` parts, at most 4,096 · for each: 12 bytes number · `u8` kind: 1 bend, 2 twist, 3 twist-bend-twist, 4 splitter · `u8` outlets of a splitter, else 0 · `u16` parent, FFFF for the root · `u8` outlet of the parent · `u32` counts a turn |
 //! | 4 calibration, from here on, replaces the former one | `u16` parts · for each: 12 bytes number · `u8` sensors · for each: `u8` flags: 1 zeroed, 2 reversed, 4 turns about the twist axis (else bend) · `u16` count in the rest pose, 0 if not zeroed |
@@ -58,7 +58,7 @@
 //!
 //! | 13 ground, behind the skeleton, from here on | `u8` mode: 0 off (nothing follows), 1 stand, 2 walk · `f32` height of the floor · `u16` contacts · for each: `u16` bone · `u32` points of the skin · for each: `u16` bone · 3 `f32` place in the bone's frame · only where one of them is not 0: `u8` what stays of a foot: 0 its lowest point, 1 its sole, and all feet whose legs no joint turns · `u8` 1: something else places the roots, which are only lifted |
 //! | 20 target, behind the skeleton, from the next sample on | `u8` 0 let go, 1 set · `u32` microseconds of the device's clock over which the point goes there, or the character back · `u8` point: 0 head of a bone, 1 its tail: `u16` bone; 2 on the skin: 3 `u32` vertices, 3 `f32` shares · if set: `u8` flags: 1 place, 2 orientation · `f32` strength · if flagged 1: 3 `f32` place in the world · if flagged 2: 4 `f32` `model_from_bone` of the bone |
-//! | 21 inverse kinematics, from here on, in a take whose header has none | `u16` pinned bones · for each: `text` name · `u16` preferences · for each: `text` · `u16` limits of joints · for each: `text` |
+//! | 21 inverse kinematics, from here on, in a take whose header has none | `u16` pinned bones · for each: `text` name · `u16` preferences · for each: `text` · `u16` limits of joints · for each: `text` · only where there are any: `u16` settings · for each: `text` |
 //!
 //! | 14 shape set by hand, from here on | `u8` flags: 1 device time given · `u64` device time of the last sample before, microseconds · `text` name · `f32` weight |
 //!

@@ -30,12 +30,14 @@ mod header_flag {
     pub(super) const INVERSE_KINEMATICS: u32 = 16;
     pub(super) const PREFERENCES: u32 = 32;
     pub(super) const LIMITS: u32 = 64;
+    pub(super) const IK_SETTINGS: u32 = 128;
 }
 
 pub(super) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), WriteError> {
     let set = |on: bool, flag: u32| if on { flag } else { 0 };
     let preferences = header.inverse_kinematics.as_ref().map(|ik| &ik.preferences).filter(|words| !words.is_empty());
     let limits = header.inverse_kinematics.as_ref().map(|ik| &ik.limits).filter(|words| !words.is_empty());
+    let settings = header.inverse_kinematics.as_ref().map(|ik| &ik.settings).filter(|words| !words.is_empty());
     out.put_u32(
         set(header.virtual_clock, header_flag::VIRTUAL_CLOCK)
             | set(header.nominal_samples_per_second.is_some(), header_flag::RATE)
@@ -43,7 +45,8 @@ pub(super) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), Write
             | set(header.unix_micros.is_some(), header_flag::UNIX_MICROS)
             | set(header.inverse_kinematics.is_some(), header_flag::INVERSE_KINEMATICS)
             | set(preferences.is_some(), header_flag::PREFERENCES)
-            | set(limits.is_some(), header_flag::LIMITS),
+            | set(limits.is_some(), header_flag::LIMITS)
+            | set(settings.is_some(), header_flag::IK_SETTINGS),
     );
     out.put_f64(header.nominal_samples_per_second.unwrap_or(0.0));
     out.put_u64(header.seed.unwrap_or(0));
@@ -58,9 +61,13 @@ pub(super) fn put_header(out: &mut Vec<u8>, header: &Header) -> Result<(), Write
         put_count(out, "what bones prefer", preferences.len(), Skeleton::MAX_BONES)?;
         preferences.iter().try_for_each(|words| put_text(out, "what a bone prefers", words))?;
     }
-    let Some(limits) = limits else { return Ok(()) };
-    put_count(out, "the limits of joints", limits.len(), Skeleton::MAX_BONES)?;
-    limits.iter().try_for_each(|words| put_text(out, "the limit of a joint", words))
+    if let Some(limits) = limits {
+        put_count(out, "the limits of joints", limits.len(), Skeleton::MAX_BONES)?;
+        limits.iter().try_for_each(|words| put_text(out, "the limit of a joint", words))?;
+    }
+    let Some(settings) = settings else { return Ok(()) };
+    put_count(out, "the settings of inverse kinematics", settings.len(), Skeleton::MAX_BONES)?;
+    settings.iter().try_for_each(|words| put_text(out, "a setting of inverse kinematics", words))
 }
 
 /// The record of inverse kinematics that begins in the middle of a take.
@@ -71,16 +78,22 @@ pub(super) fn put_inverse_kinematics(out: &mut Vec<u8>, ik: &InverseKinematicsHe
         put_count(out, field, words.len(), Skeleton::MAX_BONES)?;
         words.iter().try_for_each(|words| put_text(out, field, words))?;
     }
-    Ok(())
+    if ik.settings.is_empty() {
+        return Ok(());
+    }
+    put_count(out, "the settings of inverse kinematics", ik.settings.len(), Skeleton::MAX_BONES)?;
+    ik.settings.iter().try_for_each(|words| put_text(out, "a setting of inverse kinematics", words))
 }
 
 pub(super) fn read_inverse_kinematics(fields: &mut Fields<'_>) -> Result<InverseKinematicsHeader, PayloadError> {
-    let mut words = |field: &'static str| {
+    fn words(fields: &mut Fields<'_>, field: &'static str) -> Result<Vec<String>, PayloadError> {
         let count = fields.u16(field)?;
-        (0..count).map(|_| fields.text(field)).collect::<Result<Vec<String>, PayloadError>>()
-    };
-    let (pins, preferences) = (words("pinned bones")?, words("preferences")?);
-    Ok(InverseKinematicsHeader { pins, preferences, limits: words("limits")? })
+        (0..count).map(|_| fields.text(field)).collect()
+    }
+    let (pins, preferences) = (words(fields, "pinned bones")?, words(fields, "preferences")?);
+    let limits = words(fields, "limits")?;
+    let settings = if fields.left() > 0 { words(fields, "settings")? } else { Vec::new() };
+    Ok(InverseKinematicsHeader { pins, preferences, limits, settings })
 }
 
 pub(super) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadError> {
@@ -105,7 +118,9 @@ pub(super) fn read_header(fields: &mut Fields<'_>) -> Result<Header, PayloadErro
         let preferences = (0..count).map(|_| fields.text("what a bone prefers")).collect::<Result<_, _>>()?;
         let count = if flags & header_flag::LIMITS != 0 { fields.u16("limits")? } else { 0 };
         let limits = (0..count).map(|_| fields.text("the limit of a joint")).collect::<Result<_, _>>()?;
-        header.inverse_kinematics = Some(InverseKinematicsHeader { pins, preferences, limits });
+        let count = if flags & header_flag::IK_SETTINGS != 0 { fields.u16("settings")? } else { 0 };
+        let settings = (0..count).map(|_| fields.text("a setting")).collect::<Result<_, _>>()?;
+        header.inverse_kinematics = Some(InverseKinematicsHeader { pins, preferences, limits, settings });
     }
     Ok(header)
 }

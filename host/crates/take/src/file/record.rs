@@ -35,12 +35,18 @@ pub struct InverseKinematicsHeader {
     pub preferences: Vec<String>,
     /// The limits of the bones' joints, in a notation of the recording program.
     pub limits: Vec<String>,
+    /// How the shape was reduced, in a notation of the recording program; empty for what is usual.
+    pub settings: Vec<String>,
 }
 
 impl Header {
     /// The lowest minor version of the format that can store this.
     pub(super) fn minor_version(&self) -> u16 {
-        self.inverse_kinematics.as_ref().map_or(0, |ik| if ik.limits.is_empty() { 1 } else { 2 })
+        self.inverse_kinematics.as_ref().map_or(0, |ik| match (ik.limits.is_empty(), ik.settings.is_empty()) {
+            (_, false) => 3,
+            (false, true) => 2,
+            (true, true) => 1,
+        })
     }
 }
 
