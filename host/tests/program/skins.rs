@@ -11,7 +11,7 @@ fn a_skin_is_chosen_kept_and_shown() {
     let place = Place::new("skins");
     let hand = armature_character::own::hand().unwrap();
     let scene = GlbScene { name: "hand", skeleton: &hand.skeleton, mesh: Some(hand.glb_mesh()), clips: Vec::new() };
-    place.write("hand.glb", &write_glb(&scene).unwrap());
+    place.write("hand.glb", write_glb(&scene).unwrap());
 
     let bind = ["bind", "hand.glb", "--skin", "stretch-twist-dqs", "--endpoints", "heat", "-o", "twist.armature"];
     let said = place.done(&[&bind[..], &["--twist-curve", "LeftHand:0.5=0.2"]].concat());

@@ -1,6 +1,8 @@
 //! Skins of every kind on a real character: a turned hand twists the forearm evenly, bones out of reach stretch, blend
 //! shapes work, and old characters get endpoint weights by projection.
 
+#![allow(clippy::unwrap_used, reason = "a test may fail by panicking, in its helpers too")]
+
 use std::ops::ControlFlow;
 use std::sync::{Arc, OnceLock};
 
