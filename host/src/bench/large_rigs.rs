@@ -66,7 +66,7 @@ fn measure(bones: usize) -> Result<(f64, f64), Failure> {
     let mut outcome = Ok(());
     let seconds = time_runs(RUNS, || outcome = ik.drive(&driven, &mut |_, _| ControlFlow::Continue(())));
     outcome.map_err(|e| defect(e.to_string()))?;
-    if ik.roles().iter().any(|role| *role == BoneRole::Follows) {
+    if ik.roles().contains(&BoneRole::Follows) {
         return Err(defect("a bone is not solved".into()));
     }
     let quality = |driven: &bool| if *driven { BoneQuality::Live } else { BoneQuality::Unmapped };
@@ -93,7 +93,7 @@ fn measure(bones: usize) -> Result<(f64, f64), Failure> {
 /// Chains of bones, upright in a row, each a tube; the first bones of all chains are a chain themselves.
 fn chains(bones: usize) -> Result<Character, Failure> {
     let head = |bone: usize| Vec3::new(2.0 * (bone / CHAIN) as f32, (bone % CHAIN) as f32, ((bone / CHAIN) % 7) as f32);
-    let parent = |bone: usize| if bone % CHAIN > 0 { Some(bone - 1) } else { bone.checked_sub(CHAIN) };
+    let parent = |bone: usize| if bone.is_multiple_of(CHAIN) { bone.checked_sub(CHAIN) } else { Some(bone - 1) };
     let skeleton = (0..bones).map(|bone| {
         let above = parent(bone).map_or(Vec3::ZERO, head);
         let rest = Transform { translation: head(bone) - above, ..Transform::IDENTITY };

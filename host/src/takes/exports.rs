@@ -328,7 +328,7 @@ fn write(
         Target::Mcap => {
             let frames = motion_take(&motion.resampled.motion, take.header())
                 .map_err(|e| Failure::input(e.to_string(), "export a shorter take"))?;
-            (mcap_of(&frames, progress).map_err(|e| of_mcap(&e))?, motion, None, Vec::new())
+            (mcap_of(&frames, progress).map_err(of_mcap)?, motion, None, Vec::new())
         }
     };
     Ok(Written { bytes, taken, keys, missing, left_out })
@@ -342,7 +342,7 @@ fn samples_alone(
     progress: &mut dyn FnMut(&'static str, f64) -> ControlFlow<()>,
 ) -> Result<Exported, Failure> {
     let bytes = match target {
-        Target::Mcap => mcap_of(take, progress).map_err(|e| of_mcap(&e))?,
+        Target::Mcap => mcap_of(take, progress).map_err(of_mcap)?,
         _ => csv_of(take).into_bytes(),
     };
     let mut notes = Vec::new();
@@ -362,7 +362,7 @@ fn samples_alone(
     })
 }
 
-fn of_mcap(error: &McapError) -> Failure {
+fn of_mcap(error: McapError) -> Failure {
     Failure::input(error.to_string(), "`armature inspect` says what the take holds")
 }
 

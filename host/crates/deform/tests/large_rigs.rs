@@ -163,12 +163,15 @@ fn contradictions_are_met_halfway_and_told() {
         let missed = report.warnings.contradiction.unwrap();
         assert!((0.9..1.1).contains(&missed), "{report:?}");
     }
-    assert!(pair[1].transforms().iter().all(|t| t.is_finite()));
+    assert!(pair[1].transforms().iter().all(Affine3A::is_finite));
     assert!(apart(&bar.positions, &bar.weights, &pair) < 1e-3);
 }
 
+/// Positions, triangles, weights, the handles' points and joints.
+type Rig = (Vec<[f64; 3]>, Vec<[u32; 3]>, WeightRows, Vec<[f64; 3]>, Vec<SharedJoint>);
+
 /// A trunk with chains of ten handles, each a tube of its own that shares a few vertices with the trunk.
-fn chains(handles: usize) -> (Vec<[f64; 3]>, Vec<[u32; 3]>, WeightRows, Vec<[f64; 3]>, Vec<SharedJoint>) {
+fn chains(handles: usize) -> Rig {
     let (mut positions, mut triangles, mut weights) = (Vec::new(), Vec::new(), WeightRows::default());
     let (mut points, mut joints) = (Vec::new(), Vec::new());
     for handle in 0..handles {

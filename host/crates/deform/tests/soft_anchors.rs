@@ -5,7 +5,8 @@
 use std::ops::ControlFlow;
 
 use armature_deform::arap::{
-    Anchor, AnchorPoint, ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, HandleConstraint, ReducedArap,
+    Anchor, AnchorPoint, ArapEnergy, ArapError, ArapSettings, ArapShape, ArapStop, ArapWeights, HandleConstraint,
+    ReducedArap,
 };
 use glam::{Affine3A, Vec3};
 
@@ -18,7 +19,7 @@ fn pyramid(weights: &[f64], handle_points: &[[f64; 3]]) -> ReducedArap {
     let shape = ArapShape {
         positions: &POSITIONS,
         energy: ArapEnergy::SpokesAndRims(&TRIANGLES),
-        weights,
+        weights: ArapWeights::Matrix(weights),
         handle_points,
         joints: &[],
     };

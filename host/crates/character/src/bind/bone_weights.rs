@@ -127,7 +127,7 @@ impl<'a> LongBones<'a> {
             warnings.push(format!("these bones have no length, so they move nothing: {named}{and_more}"));
         }
         let held: Vec<usize> = (0..segments.len()).filter(|bone| is_long(bone) || is_point(bone)).collect();
-        let ends = |&bone: &usize| [segments[bone].0, segments[bone].1].map(|end| end.as_dvec3());
+        let ends = |&bone: &usize| [segments[bone].0, segments[bone].1].map(glam::Vec3::as_dvec3);
         Ok(Self {
             skeleton,
             segments: held.iter().map(ends).collect(),

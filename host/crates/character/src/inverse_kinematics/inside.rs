@@ -65,11 +65,11 @@ impl Inside {
         let (solid, _) = without_flat(&made.mesh);
         let mut told = |stage, done: f64| progress(stage, VOLUME_SHARE + (1.0 - VOLUME_SHARE) * done);
         let weights = spread(&solid, &held, &mut told)?;
-        Ok(Self::with_weights(solid, &weights, &moving))
+        Ok(Self::with_weights(&solid, &weights, &moving))
     }
 
     /// Leaves out elements with a vertex that follows no bone.
-    fn with_weights(solid: TetrahedralMesh, weights: &WeightMatrix, moving: &[usize]) -> Self {
+    fn with_weights(solid: &TetrahedralMesh, weights: &WeightMatrix, moving: &[usize]) -> Self {
         let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); solid.vertices.len()];
         for (column, &bone) in moving.iter().enumerate() {
             weights.column(column).filter(|(_, w)| *w >= LEAST_WEIGHT).for_each(|(v, w)| rows[v].push((bone, w)));

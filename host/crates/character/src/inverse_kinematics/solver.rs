@@ -216,10 +216,10 @@ impl InverseKinematics {
             {
                 // The end of a pinned bone swings about its beginning.
                 if is_head {
-                    self.rig.pins[bone] = None
+                    self.rig.pins[bone] = None;
                 } else {
-                    *pin = PinHold::Turning
-                };
+                    *pin = PinHold::Turning;
+                }
             }
             if base[bone] && target.target.position.is_some() {
                 // A point handle is a root of its own, on which nothing stands.

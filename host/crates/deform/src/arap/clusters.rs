@@ -149,7 +149,7 @@ impl<'a> Search<'a> {
         let mut best = (0, f64::INFINITY);
         let mut compare = |centre: u32| {
             let distance = squared_distance(point, self.centres.of(centre as usize));
-            if distance < best.1 || (distance == best.1 && centre < best.0) {
+            if distance.total_cmp(&best.1).then(centre.cmp(&best.0)).is_lt() {
                 best = (centre, distance);
             }
             best.1

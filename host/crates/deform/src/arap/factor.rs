@@ -27,7 +27,7 @@ const UNDETERMINED: f64 = 30.0;
 /// Everything for one set of constraints.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Factor {
-    pub(super) factor: BlockFactor,
+    pub(super) blocks: BlockFactor,
     /// For each handle, the places of its rows of `T` among the unknowns.
     pub(super) places: Vec<[u32; 4]>,
     /// The place of each equation's multiplier, or [`NOWHERE`] where nothing in it is open.
@@ -113,9 +113,9 @@ impl Factor {
         if resistance.is_none() {
             factor.floating = floating(reduction, given, &matrix, largest);
         }
-        factor.factor = BlockFactor::new(&matrix, &groups);
-        factor.places = (0..handles).map(|handle| factor.factor.places(handle)).collect();
-        factor.multipliers = (0..given.equations.len()).map(|e| factor.factor.places(handles + e)[0]).collect();
+        factor.blocks = BlockFactor::new(&matrix, &groups);
+        factor.places = (0..handles).map(|handle| factor.blocks.places(handle)).collect();
+        factor.multipliers = (0..given.equations.len()).map(|e| factor.blocks.places(handles + e)[0]).collect();
         factor.gather_known(&matrix, &groups, handles);
         for (number, equation) in given.equations.iter().enumerate() {
             for (handle, values) in &equation.terms {
@@ -138,13 +138,13 @@ impl Factor {
                 }
             }
         }
-        factor.towards_rest = vec![[0.0; 4]; factor.factor.size()];
+        factor.towards_rest = vec![[0.0; 4]; factor.blocks.size()];
         let mut undetermined = 0;
         for (row, pull) in rest.iter().enumerate() {
             let place = factor.places[row / 4][row % 4];
             if place != NOWHERE {
                 factor.towards_rest[place as usize] = *pull;
-                let resists = factor.factor.pivot(place);
+                let resists = factor.blocks.pivot(place);
                 let of_rest = delta * (reduction.closeness.diagonal(row) + alone(row / 4));
                 undetermined += usize::from(!factor.is_moving && resists < UNDETERMINED * of_rest);
             }
@@ -156,7 +156,7 @@ impl Factor {
     fn gather_known(&mut self, matrix: &BlockRows<4>, groups: &[Group], handles: usize) {
         for group in 0..groups.len() {
             for (other, block) in matrix.row(group).iter().filter(|(other, _)| (*other as usize) < handles) {
-                for (part, place) in self.factor.places(group).into_iter().enumerate().filter(|(_, p)| *p != NOWHERE) {
+                for (part, place) in self.blocks.places(group).into_iter().enumerate().filter(|(_, p)| *p != NOWHERE) {
                     for (column, value) in block[part].iter().enumerate() {
                         if self.places[*other as usize][column] == NOWHERE && *value != 0.0 {
                             self.from_known.push((place, 4 * other + column as u32, -value));

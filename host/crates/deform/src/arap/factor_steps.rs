@@ -101,7 +101,7 @@ fn global_step(reduction: &Reduction, factor: &Factor, state: &mut State) {
             }
         }
     }
-    factor.factor.solve(unknowns);
+    factor.blocks.solve(unknowns);
     for (places, four) in factor.places.iter().zip(stacked.as_chunks_mut::<4>().0) {
         for (&place, to) in places.iter().zip(four).filter(|(place, _)| **place != NOWHERE) {
             *to = unknowns[place as usize];

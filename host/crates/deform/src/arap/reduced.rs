@@ -108,7 +108,7 @@ impl ReducedArap {
     pub fn numbers_per_iteration(&self) -> usize {
         match &self.system.solver {
             Solver::Inverse(inverse) => 3 * LANES * inverse.panels.len(),
-            Solver::Factor(factor) => 2 * factor.factor.stored() + 2 * 12 * self.reduction.covariance.stored(),
+            Solver::Factor(factor) => 2 * factor.blocks.stored() + 2 * 12 * self.reduction.covariance.stored(),
         }
     }
 

@@ -126,8 +126,8 @@ impl State {
         self.maps.pulled.iter_mut().for_each(|column| column.resize(springs, 0.0));
         if let Solver::Factor(factor) = &system.solver {
             self.maps.stacked.resize(self.maps.transposed[0].len(), [0.0; 4]);
-            self.maps.unknowns.resize(factor.factor.size(), [0.0; 4]);
-            self.maps.fixed.resize(factor.factor.size(), [0.0; 4]);
+            self.maps.unknowns.resize(factor.blocks.size(), [0.0; 4]);
+            self.maps.fixed.resize(factor.blocks.size(), [0.0; 4]);
         }
     }
 

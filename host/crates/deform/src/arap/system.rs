@@ -37,13 +37,12 @@ impl System {
         resistance: Option<Resistance>,
     ) -> Result<Self, ArapError> {
         let mut given = Given::new(reduction, constraints, anchors)?;
-        let solver = match &reduction.with_zeros {
-            Some(with_zeros) => Solver::Inverse(Inverse::new(reduction, with_zeros, &mut given, resistance)),
-            None => {
-                let (factor, undetermined) = Factor::new(reduction, &given, resistance);
-                given.add_undetermined(undetermined);
-                Solver::Factor(factor)
-            }
+        let solver = if let Some(with_zeros) = &reduction.with_zeros {
+            Solver::Inverse(Inverse::new(reduction, with_zeros, &mut given, resistance))
+        } else {
+            let (factor, undetermined) = Factor::new(reduction, &given, resistance);
+            given.add_undetermined(undetermined);
+            Solver::Factor(factor)
         };
         Ok(Self { given, solver })
     }

@@ -52,20 +52,16 @@ impl Pairs {
 
     /// The ends of both limbs that begin with a pair: the heads of the pair that comes next.
     pub(super) fn next(&self, target: &Skeleton, bone: usize) -> Option<[usize; 2]> {
-        match self.target.bones[bone] {
-            Some(own) => {
-                let part = match own.bone.part {
-                    HumanoidPart::Finger(finger, segment @ 1..=2) => HumanoidPart::Finger(finger, segment + 1),
-                    part => next_part(part)?,
-                };
-                self.both(HumanoidBone { part, ..own.bone })
-            }
-            None => {
-                let mut below = target.children(bone).filter_map(|child| Some([self.of_target[child]?, child]));
-                let one = below.next()?;
-                below.next().is_none().then_some(one)
-            }
+        if let Some(own) = self.target.bones[bone] {
+            let part = match own.bone.part {
+                HumanoidPart::Finger(finger, segment @ 1..=2) => HumanoidPart::Finger(finger, segment + 1),
+                part => next_part(part)?,
+            };
+            return self.both(HumanoidBone { part, ..own.bone });
         }
+        let mut below = target.children(bone).filter_map(|child| Some([self.of_target[child]?, child]));
+        let one = below.next()?;
+        below.next().is_none().then_some(one)
     }
 }
 
