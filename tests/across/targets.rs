@@ -67,8 +67,8 @@ fn a_chest_follows_a_timetable_and_the_take_solves_it_again() {
     let to = rest + Vec3::new(0.06, -0.03, 0.04);
     let places: Vec<Vec3> = poses.iter().map(|pose| head(&run.take, pose, "UpperChest")).collect();
     let off: Vec<f32> = places.iter().map(|place| place.distance(to)).collect();
-    // The pull on the skin counts too: without it, the chest would be where it is to be.
-    assert!(off[60..80].iter().all(|off| *off < 1e-2), "{:?}", &off[60..80]);
+    // The pull on the skin gives way to it.
+    assert!(off[60..80].iter().all(|off| *off < 1e-3), "{:?}", &off[60..80]);
     assert!(off[15] > 0.03 && off[149] > 0.03, "{} {}", off[15], off[149]);
     let largest = places.windows(2).map(|two| two[0].distance(two[1])).fold(0.0, f32::max);
     assert!(largest < 0.02, "no jump: {largest} in 10 ms");

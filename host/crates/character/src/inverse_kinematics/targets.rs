@@ -16,6 +16,9 @@ use super::shape::Shape;
 const SLOWS_DOWN: f32 = 0.03;
 /// A bone that moves less than this share of a point is not made to move for it.
 const LEAST_SHARE: f64 = 0.05;
+/// What a soft target counts among the rigid bones beside pins and hard targets, for each part of its strength: the energy
+/// has already brought it where it gives way to, and what is held must not suffer from it.
+const SOFT_COUNTS: f32 = 0.03;
 
 /// A target, and what is left of the way to it.
 #[derive(Clone, Debug)]
@@ -228,8 +231,8 @@ impl Attachment {
         let part = |(bone, share, rest): &(usize, f64, Vec3)| {
             (layout.handle_of_bone[*bone], *share, rest.as_dvec3().to_array())
         };
-        // What yields to joints and pins counts less where not all can be had.
-        let weight = Vec3::splat(followed.target.strength);
+        let strength = followed.target.strength;
+        let weight = Vec3::splat(if strength >= 1.0 { 1.0 } else { SOFT_COUNTS * strength });
         Self {
             on_handles: followed.bones.iter().map(part).collect(),
             can_move: followed.target.position.is_some() && reach > 0.0,
