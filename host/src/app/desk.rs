@@ -244,7 +244,8 @@ mod tests {
         assert_eq!((order.range, order.rate.frames_per_second()), (Some((1.0, 2.0)), 24.0));
         form.rate = "often".into();
         assert!(form.order(None).unwrap_err().contains("not a frame rate"));
-        form.choose(3);
+        let motion_only = PRESETS.iter().position(|preset| preset.target == Target::Bvh).unwrap();
+        form.choose(motion_only);
         form.only_range = false;
         assert_eq!(form.order(Some((1.0, 2.0))).unwrap().range, None);
         form.to = "walk.glb".into();
