@@ -20,6 +20,7 @@ const STANDS_FOR: &[(&str, &str)] = &[
     ("--character FILE", "--character fox.glb"),
     ("calibrate -o {}", "calibrate --device sim:hand -o hint.toml"),
     ("bind {}", "bind model.obj"),
+    ("bind --skin {kind}", "bind model.obj -s bones.tgf --skin stretch-twist"),
     ("inspect {}", "inspect model.obj"),
     ("surface fill {}", "surface fill model.obj"),
     ("sim …", "sim"),

@@ -68,7 +68,7 @@ fn a_shape_is_set_by_name() {
     for (arguments, said) in [
         (["--to", "x.glb", "--shape", "smile=1"], "choose puff"),
         (["--to", "x.glb", "--shape", "puff"], "smile=0.7"),
-        (["--to", "x.bvh", "--shape", "puff=1"], "export a .glb or .fbx"),
+        (["--to", "x.bvh", "--shape", "puff=1"], "export a .glb, .fbx or .usdz"),
     ] {
         let refused = place.run(&[&["export", "hand.take"][..], &arguments].concat());
         assert!(refused.code != 0 && refused.err.contains(said), "{refused:?}");
