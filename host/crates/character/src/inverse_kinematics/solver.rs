@@ -415,6 +415,7 @@ impl InverseKinematics {
     /// What is to be solved is another one from the next pose on.
     fn retarget(&mut self, over_micros: u32) {
         self.retargeted = Some(self.retargeted.map_or(over_micros, |other| other.max(over_micros)));
+        self.targets.iter_mut().for_each(|followed| followed.begin_again(over_micros));
         self.give_out_roles();
     }
 

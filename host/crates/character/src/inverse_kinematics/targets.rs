@@ -84,6 +84,15 @@ impl Followed {
         (self.target, self.over_micros, self.is_new) = (target, over_micros, true);
     }
 
+    /// Another target was set or let go. What a soft one has to give way to is different now, so its bones go from where
+    /// they are.
+    pub(super) fn begin_again(&mut self, over_micros: u32) {
+        if self.target.strength < 1.0 && !self.is_new {
+            (self.over_micros, self.is_new) = (over_micros, true);
+            self.now[Way::OfBones as usize] = None;
+        }
+    }
+
     /// The bone that moves the point most.
     pub(super) fn bone(&self) -> usize {
         self.bones
